@@ -24,10 +24,11 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plausibility import check_whole, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, settled
-from inclinometry.files.bench_csv import saturation_notes
-from inclinometry.findings import Finding
+from inclinometry.files.bench_csv import saturation
+from inclinometry.findings import Finding, without_notes
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
+from inclinometry.survey.holes import check_holes
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
 
@@ -335,6 +336,65 @@ def _from_midway(name, size, least=0.0) -> Callable:
     return fault
 
 
+def _constant(name: str, value: float, *, least: float = 5.0) -> Callable:
+    """An angle that has one value at every station of a run that is inclined and measured."""
+
+    def fault(r, one):
+        if np.median(one.inclination) < least or one.md.size < 12:
+            return None, ()
+        return _changed(one, **{name: np.full(one.md.size, value)}), ()
+
+    return fault
+
+
+def _kept_azimuth(r, one):
+    """An azimuth that keeps its value from the middle of the run on."""
+    row = one.md.size // 2
+    if one.inclination[row:].min() < 5.0 or one.md.size < 24:
+        return None, ()
+    rows = np.arange(row, one.md.size)
+    return _changed(one, azimuth=_set(one.azimuth, rows, one.azimuth[row])), tuple(rows)
+
+
+def _slope(r, one):
+    """Inclination in per cent of slope, as of a well that the reader of angles takes."""
+    one = well(int(r.integers(1_000_000)), "build and hold")
+    if not 48.0 < one.inclination.max() < 60.9 or one.md[0] > 100.0:
+        return None, ()
+    return _changed(one, inclination=(100.0 * np.tan(np.radians(one.inclination))).round(1)), ()
+
+
+def _vertical_depths(r, one):
+    """True vertical depths under the name of measured ones, of a hole with even courses that bends."""
+    course = np.diff(one.md)
+    if np.mean(np.abs(course / np.median(course) - 1.0) < 0.05) < 0.9 or np.ptp(one.inclination) < 20.0:
+        return None, ()
+    if one.inclination.max() > 85.0 or one.md.size < 12:
+        return None, ()
+    down = np.cos(np.radians(one.inclination))
+    return _changed(one, md=(one.md[0] + np.append(0.0, np.cumsum(course * (down[1:] + down[:-1]) / 2.0))).round(2)), ()
+
+
+def _feet_onwards(r, one):
+    """Depths that are counted on in feet from the middle of an even run."""
+    course = np.diff(one.md)
+    if np.mean(np.abs(course / np.median(course) - 1.0) < 0.05) < 0.9 or one.md.size < 12:
+        return None, ()
+    course[course.size // 2 :] /= 0.3048
+    return _changed(one, md=(one.md[0] + np.append(0.0, np.cumsum(course))).round(2)), ()
+
+
+def _grads_onwards(r, one):
+    row = one.md.size // 2
+    below = np.arange(one.md.size) >= row
+    if one.md.size < 12 or not 20.0 < one.inclination[row] < 150.0 or one.azimuth[below].max() >= 323.0:
+        return None, ()
+    if one.azimuth[row] < 60.0:
+        return None, ()
+    return _changed(one, inclination=np.where(below, one.inclination / 0.9, one.inclination),
+                    azimuth=np.where(below, one.azimuth / 0.9, one.azimuth)), ()  # fmt: skip
+
+
 def _grads(r, one):
     return _changed(one, inclination=one.inclination / 0.9, azimuth=one.azimuth / 0.9), ()
 
@@ -545,6 +605,22 @@ FAULTS = {
     "azimuth 30 deg off from midway, inclined over 20 deg": Fault(
         _from_midway("azimuth", 30.0, 20.0), ("direction",), "where the hole turns as sharply elsewhere"
     ),
+    "inclination 12 deg off from midway, inclined over 20 deg": Fault(
+        _from_midway("inclination", 12.0, 20.0), ("direction",), "a build looks so"
+    ),
+    "inclination 28 deg off from midway, inclined over 20 deg": Fault(
+        _from_midway("inclination", 28.0, 20.0), ("direction", "columns"), "where the hole bends as sharply elsewhere"
+    ),
+    "both angles in grads from midway, inclined over 20 deg": Fault(
+        _grads_onwards, ("direction", "columns"), "a turn of a few deg looks so"
+    ),
+    "azimuth 0 at every station, inclined": Fault(_constant("azimuth", 0.0), ("constant",), "coarse digits"),
+    "azimuth 90 at every station, inclined": Fault(_constant("azimuth", 90.0), ("constant",), "coarse digits"),
+    "inclination 0 at every station": Fault(_constant("inclination", 0.0), ("constant",), "rough azimuths"),
+    "azimuth kept from midway, inclined": Fault(_kept_azimuth, ("constant", "direction"), "coarse digits"),
+    "inclination in per cent of slope, beyond 48 deg": Fault(_slope, ("columns",)),
+    "true vertical depths under measured, even courses": Fault(_vertical_depths, ("depths",)),
+    "depths counted on in feet from midway, even courses": Fault(_feet_onwards, ("depths",)),
     "half the quadrants wrong, the hole turns, over 20 deg": Fault(_quadrant, ("direction", "columns", "station")),
     "one reading at five depths, angles": Fault(_pasted, ("repeats",), "in a straight part with few digits"),
     "one reading at five depths, six axes": Fault(_pasted_axes, ("repeats",)),
@@ -591,10 +667,12 @@ def named(found: list[Finding], fault: Fault, rows: tuple[int, ...]) -> bool:
     return any(one.group in fault.names and (not rows or set(rows) & set(one.rows)) for one in found)
 
 
-def faults(runs: int) -> list[dict[str, object]]:
+def faults(runs: int, only: str = "") -> list[dict[str, object]]:
     """Share named of each fault, over shapes."""
     rows = []
     for place, (words, fault) in enumerate(FAULTS.items()):
+        if only not in words:
+            continue
         count = said = meant = refused = 0
         for k in range(runs):
             seed = place * 10_000 + k
@@ -614,12 +692,38 @@ def faults(runs: int) -> list[dict[str, object]]:
     return rows
 
 
+def assumed(seed: int) -> dict[str, Run]:
+    """Right tables with rows that nobody measured: a vertical section, a landed one, a plan, a plan of few digits."""
+    r, one = np.random.default_rng([seed, 7]), well(seed, ("build and hold", "horizontal", "S")[seed % 3])
+    upright = one.md < r.uniform(0.2, 1.0) * one.md[np.argmax(one.inclination > 3.0)]
+    away = np.where(upright, r.choice([0.0, 123.4]), one.azimuth)
+    landed = np.arange(one.md.size) >= one.md.size - r.integers(2, 8)
+    made = {"vertical section": (one.md, np.where(upright, 0.0, one.inclination), away)}
+    made["landed"] = one.md, np.where(landed, 90.0, one.inclination), np.where(landed, 180.0, one.azimuth)
+    nodes = np.array(SHAPES[("build and hold", "S", "horizontal", "slant")[seed % 4]](r))
+    md = np.arange(nodes[0, 0], nodes[-1, 0], r.choice([10.0, 28.5, 30.0, 100.0]))
+    digits = int(r.choice([0, 1, 2, 6]))
+    angles = (np.interp(md, nodes[:, 0], nodes[:, c]).clip(0.0).round(digits) for c in (1, 2))
+    made["plan"] = md, *angles
+    flat = np.full(md.size, r.uniform(0, 360).__round__(1))
+    made["plan in one plane"] = md, np.interp(md, nodes[:, 0], nodes[:, 1]).clip(0.0).round(digits), flat
+    made["straight slant"] = md, np.full(md.size, 45.0), flat
+    # landing: the well is where its rows say it is
+    if abs(one.inclination[~landed][-1] - 90.0) > 4.0:
+        del made["landed"]
+    else:
+        turned = (one.azimuth - one.azimuth[~landed][-1] + 180.0) % 360.0
+        made["landed"] = one.md, made["landed"][1], np.where(landed, 180.0, turned)
+    return {what: Run(md, np.radians(i), np.radians(a)) for what, (md, i, a) in made.items()}
+
+
 def right(runs: int, first: int = RIGHT_SEED) -> list[tuple[int, str, str, Finding]]:
-    """False alarms: seed, shape, "angles", "axes" or "raw channels", and the doubt."""
+    """False alarms: seed, shape, kind ("angles", "axes", "raw channels", or as `assumed`), the doubt."""
     found = []
     for seed in range(first, first + runs):
         one = well(seed)
-        for what, run in (("angles", table(one)), ("axes", axes(one)), ("raw channels", raw(one, seed))):
+        kinds = {"angles": table(one), "axes": axes(one), "raw channels": raw(one, seed)} | assumed(seed)
+        for what, run in kinds.items():
             found += [(seed, one.shape, what, doubt) for doubt in check_run(run)]
     return found
 
@@ -644,6 +748,73 @@ def _columns(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
     with path.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     return [np.array([float(row[name]) for row in rows]) for name in names]
+
+
+# Tables of drill holes.
+
+
+def holes(seed: int) -> dict[str, Run]:
+    """A right table of holes: planned or measured collars, compass or gyro, wedges, up and down, few shots or many."""
+    r = np.random.default_rng([seed, 3])
+    spacing, digits = float(r.choice([3.0, 6.0, 10.0, 25.0, 30.0, 50.0])), int(r.choice([0, 1, 1, 2]))
+    noise, heading = r.choice([0.03, 0.1, 0.3]), r.choice([0.1, 0.5, 1.5])
+    design, away = r.uniform(0.0, 45.0), r.uniform(0.0, 360.0)
+    fan = spacing < 10.0 and r.random() < 0.4
+    found = {}
+    for k in range(r.integers(2, 30)):
+        md = np.arange(int(r.choice([1, 2, 3, 4, 8, 20, 40]))) * spacing + (0.0 if r.random() < 0.7 else spacing)
+        i = (r.uniform(0.0, 150.0) if fan else design + r.normal(0.0, 5.0)) + r.normal(0.0, 1.5) * md / 30.0 * 0.5
+        a = away + r.normal(0.0, 10.0) + r.normal(0.0, 1.5) * md / 30.0 * 0.5
+        if r.random() < 0.1 and md.size > 2:  # a wedge
+            i = i + np.where(md > md[md.size // 2], r.uniform(-3.0, 3.0), 0.0)
+        i = i + noise * r.normal(size=md.size)
+        a = a + heading * r.normal(size=md.size)
+        if r.random() < 0.5:  # the collar as it was set out
+            i[0], a[0] = i[0] + r.normal(0.0, 1.0), a[0] + r.normal(0.0, 2.0)
+        turned, i = i < 0.0, np.abs(i).clip(0.0, 180.0)
+        a = np.where(turned, a + 180.0, a) % 360.0
+        found[f"H{k}"] = Run(md, np.radians(i.round(digits)), np.radians(a.round(digits)))
+    return found
+
+
+def _shot(change: Callable) -> Callable:
+    """One shot of one inclined hole of two shots or more is changed."""
+
+    def fault(r, table):
+        names = [name for name, run in table.items() if len(run.md) > 1 and np.sin(run.inclination).min() > 0.3]
+        if not names:
+            return None, ""
+        name = names[r.integers(len(names))]
+        run, row = table[name], int(r.integers(len(table[name].md)))
+        i, a = run.inclination.copy(), run.azimuth.copy()
+        i[row], a[row] = change(i[row], a[row])
+        return table | {name: Run(run.md, i, a)}, name
+
+    return fault
+
+
+HOLE_FAULTS = {
+    "one dip of the other sign": _shot(lambda i, a: (np.pi - i, a)),
+    "one azimuth 100 deg off": _shot(lambda i, a: (i, a + np.radians(100.0))),
+    "one azimuth half a turn off": _shot(lambda i, a: (i, a + np.pi - 1e-3)),
+    "one shot of dip 0, azimuth 0": _shot(lambda i, a: (np.pi / 2.0, 0.0)),
+    "one dip 20 deg off": _shot(lambda i, a: (i + np.radians(20.0), a)),
+}
+
+
+def hole_tables(runs: int, first: int = 0) -> tuple[list[tuple[str, int, float]], list[tuple[int, Finding]]]:
+    """Share of tables in which the hole is named, by mistake; what is said of right ones."""
+    rows = []
+    for words, make in HOLE_FAULTS.items():
+        count = hit = 0
+        for seed in range(first, first + runs):
+            made, name = make(np.random.default_rng(seed), holes(seed))
+            if made is not None:
+                count += 1
+                hit += any(one.values.get("hole") == name for one in check_holes(made))
+        rows.append((words, count, hit / max(count, 1)))
+    right_ones = range(first, first + runs)
+    return rows, [(seed, one) for seed in right_ones for one in without_notes(check_holes(holes(seed)))]
 
 
 # The bench.
@@ -783,7 +954,7 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
         for k in range(runs):
             run = _bench_fault(words, 50_000 + k)
             mag = run.channels["magnetometer"]
-            rail = saturation_notes("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
+            rail = saturation("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
             try:
                 said += bool(_SPOKEN & {one.code for one in calibrate_joint(run).findings}) or bool(rail)
             except InclinometryError:
@@ -795,7 +966,7 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
 def _said(run: BenchReadings) -> list[str]:
     """What is said of a run before its fit, as it is and in whole counts."""
     counts = [values for raw in run.channels.values() for values in (raw, np.round(raw))]
-    rails = [saturation_notes("magnetometer", values, "xyz", run.dials, np.arange(len(run))) for values in counts]
+    rails = [saturation("magnetometer", values, "xyz", run.dials, np.arange(len(run))) for values in counts]
     return [*map(str, settled(check_whole(run))), *(note for notes in rails for note in notes)]
 
 
@@ -827,9 +998,11 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=200, help="runs of each fault")
     parser.add_argument("--right", type=int, default=2000)
     parser.add_argument("--first", type=int, default=RIGHT_SEED)
+    parser.add_argument("--only", default="", help="faults whose name has this")
     parser.add_argument(
         "--bench", type=int, default=0, help="runs of each fault at a bench, and 100 times as many right"
     )
+    parser.add_argument("--holes", type=int, default=0, help="tables of drill holes, of each mistake and right")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--real", action="store_true", help="the real and published runs that come with the tests")
     options = parser.parse_args()
@@ -838,6 +1011,14 @@ def main() -> None:
         for name, doubt in found:
             print(name, doubt.severity, doubt.code, doubt)
         print(f"false alarms {len({name for name, _ in found})} of {count} real and published runs")
+        return
+    if options.holes:
+        shares, wrong = hole_tables(options.holes)
+        for words, count, share in shares:
+            print(f"{words:54} {count:4} named {share:.2f}")
+        for seed, one in wrong[:30]:
+            print(seed, one.severity, one)
+        print(f"false alarms {len({seed for seed, _ in wrong})} of {options.holes} right tables")
         return
     if options.bench:
         for row in bench_faults(options.bench):
@@ -851,8 +1032,9 @@ def main() -> None:
         )
         print(f"taken for copies, of as many copies {copies} found")
         return
-    rows, alarms = faults(options.runs), right(options.right, options.first)
-    false = len({(seed, what) for seed, _, what, _ in alarms}) / max(3 * options.right, 1)
+    rows, alarms = faults(options.runs, options.only), right(options.right, options.first)
+    count = 3 * options.right + sum(len(assumed(options.first + k)) for k in range(options.right))
+    false = len({(seed, what) for seed, _, what, _ in alarms}) / max(count, 1)
     if options.json:
         print(json.dumps({"faults": rows, "false_alarms": false}))
         return
@@ -861,7 +1043,7 @@ def main() -> None:
         print(f"{row['fault']:54} {row['runs']:4} {shares}")
     for seed, shape, what, doubt in alarms[:60]:
         print(seed, shape, what, doubt.severity, doubt.code, doubt)
-    print(f"false alarms {100.0 * false:.2f} % of {3 * options.right} runs")
+    print(f"false alarms {100.0 * false:.2f} % of {count} runs")
 
 
 if __name__ == "__main__":

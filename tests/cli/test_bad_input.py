@@ -121,6 +121,22 @@ def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, well):
     assert "[survey-flagged]" in done.err
 
 
+def other_gain(table):
+    """An accelerometer of 4 % more than the calibration says."""
+    at = [column(table, f"accel_{axis}") for axis in "xyz"]
+    for row in table[1:]:
+        for k in at:
+            row[k] = repr(1.04 * float(row[k]))
+
+
+def test_a_calibration_of_another_tool_ends_a_survey_with_status_1(run, well):
+    edit(other_gain, "raw.csv")
+    done = run("survey bad.csv --calibration tool.json -o survey.csv")
+    assert done.status == 1
+    assert done.err.startswith("warning: ")
+    assert "[survey-most-off]" in done.err.splitlines()[0]
+
+
 def test_an_empty_value_is_shown_as_it_was_typed(run, bench):
     bench()
     run("calibrate readings.csv -o tool.json --null", "").refused('--null is ""; expected: number')

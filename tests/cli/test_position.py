@@ -387,3 +387,45 @@ def test_a_million_stations_take_a_gigabyte_and_a_half(tmp_path):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
         peaks.append(int(done.stdout.split()[-1]))
     assert (peaks[1] - peaks[0]) * 1024 / 100_000 < 1300.0
+
+
+def test_several_runs_with_a_tool_code_each(extended):
+    lines = Path("survey.csv").read_text().splitlines()
+    for name, rows in {"upper": lines[1:101], "lower": lines[101:]}.items():
+        Path(f"{name}.csv").write_text("\n".join([HEAD, *rows]))
+    codes = ("--tool-code", "iscwsa-mwd-rev5.1-ifr1", "--tool-code", "lower=iscwsa-mwd-rev4")
+    done = extended(
+        "position", "upper.csv", "lower.csv", *codes, "--site", "site.toml", "--json", "--report", "p.html"
+    ).ok()
+    assert [(one["file"], one["stations"], one["tool_code"]) for one in done.json["runs"]] == [
+        ("upper.csv", 100, "iscwsa-mwd-rev5.1-ifr1"), ("lower.csv", 168, "iscwsa-mwd-rev4"),
+    ]  # fmt: skip
+    assert {"run 1: survey", "run 2: survey", "site"} <= set(done.json["inputs"])
+    assert "runs, from top to bottom" in extended("position", "upper.csv", "lower.csv", "--site", "site.toml").out
+    for arguments, code in (
+        (("--tool-code", "middle=iscwsa-mwd-rev4"), "input-choice"),
+        (("--tool-code", "2=iscwsa-mwd-rev4", "--tool-code", "lower=iscwsa-mwd-rev4"), "input-repeated"),
+        (("--tool-code", "2=iscwsa-mwd-rev4"), "input-needs"),
+        (("--tool-parameter", "speed=fast"), "input-kind"),
+        (("--tie-from", "p.csv", "--tie-on", "1", "2", "3"), "input-not-with"),
+    ):
+        extended("position", "upper.csv", "lower.csv", "--site", "site.toml", *arguments).refused(code)
+
+
+def test_points_between_stations_a_section_and_feet(extended):
+    plain = extended("position", "survey.csv", *MWD, "-o", "p.csv", "--json").ok().json["last_station"]
+    more = ("--every-m", "10", "--section-azimuth-deg", "75", "--feet", "--tie-on", "10", "20", "0")
+    done = extended("position", "survey.csv", *MWD, *more, "-o", "ft.csv", "--json").ok()
+    last, rows = done.json["last_station"], rows_of("ft.csv")
+    assert len(rows) == 801
+    assert [row["point"] for row in rows[:4]] == ["station", "between", "between", "station"]
+    north, east = (float(rows[-1][name]) * 0.3048 for name in ("north_ft", "east_ft"))
+    assert (north, east) == pytest.approx((plain["north_m"] + 10.0, plain["east_m"] + 20.0), abs=1e-6)
+    along = north * np.cos(np.radians(75.0)) + east * np.sin(np.radians(75.0))
+    assert float(rows[-1]["section_ft"]) * 0.3048 == pytest.approx(along, abs=1e-6)
+    assert last["cov_nn_ft2"] * 0.3048**2 == pytest.approx(plain["cov_nn"], rel=1e-9)
+    built = next(row for row in rows if float(row["md_ft"]) * 0.3048 > 1500.0)  # 60 deg in 900 m
+    assert float(built["dls_deg_100ft"]) == pytest.approx(60.0 / 900.0 * 30.48, rel=1e-6)
+    table = extended("position", "survey.csv", "--feet", "--section-azimuth-deg", "75").out
+    assert "section ft" in table
+    assert "deg/100 ft" in table

@@ -585,3 +585,10 @@ def test_readings_averaged_in_a_row_count_in_the_mean_s_deviation(tmp_path):
     assert found.count.tolist() == [13.0, 1.0]
     # 4 / sqrt(4) and 6 / sqrt(9) are both 2; the mean of two has 2 / sqrt(2)
     np.testing.assert_allclose(found.sd["accelerometer"], [[np.sqrt(2.0)] * 3, [2.0] * 3])
+
+
+def test_names_are_compared_without_case(tmp_path):
+    names = "STATION,Azimuth_deg,Inclination_deg,Toolface_Deg,Accel_X_MG,Accel_Y_mg,accel_z_Mg"
+    rows = "".join(f"S{k},0,{k},0,{k % 2},{k % 3},{k}\n" for k in range(5))
+    found = read_bench(saved(tmp_path / "a.csv", f"{names}\n{rows}"))
+    assert (found.station[1], found.channels["accelerometer"][1].tolist()) == ("S1", [1.0, 1.0, 1.0])

@@ -149,7 +149,7 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX.replace("gx_m_s2", "gx_counts"), [ONE], "table-unit"),
         (SIX.replace("bx_nT", "bx_g"), [ONE], "table-unit"),
         (SIX.replace("md_m", "MD"), [ONE], "table-unit-missing"),
-        (SIX.replace("md_m", "md_in"), [ONE], "table-unit"),
+        (SIX.replace("md_m", "md_chain"), [ONE], "table-unit"),
         (SIX.replace("md_m", "depth_of_bit_m"), [ONE], "table-unit"),
         (SIX.replace("md_m", "station"), [ONE], "file-column md_m"),
         (SIX.replace("gz_m_s2", "operator"), [ONE], "file-column gz_m_s2"),
@@ -225,3 +225,28 @@ def test_extra_columns_keep_their_names_whatever_they_are(tmp_path):
     assert same(read_survey(tmp_path / "a.csv"), file)
     with refused("file-characters"):
         write_csv(SurveyFile(md=[0], tvd=[0], extra={"crew": ("a\nb",)}), tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "unit", "north"),
+    [
+        ("Dip°", "measured.dip", "deg", None), ("Azi_TN (deg)", "azimuth", "deg", "true"),
+        ("INC°", "inclination", "deg", None),
+        ("Отклонитель, град", "toolface", "deg", None), ("Магнитный азимут (°)", "azimuth", "deg", "magnetic"),
+        ("Дирекционный угол, град", "azimuth", "deg", "grid"), ("Температура, °С", "temperature", "degC", None),
+        ("Акселерометр X (g)", "g.0", "g", None), ("Bx, мкТл", "b.0", "uT", None), ("Ax, м/с2", "g.0", "m/s2", None),
+        ("重力工具面角(°)", "toolface", "deg", None), ("磁工具面(度)", "magnetic_toolface", "deg", None),
+        ("磁方位角（°）", "azimuth", "deg", "magnetic"), ("X轴加速度(mg)", "g.0", "mg", None),
+        ("垂深(米)", "tvd", "m", None),
+        ("磁通门Z (nT)", "b.2", "nT", None), ("Fx (nT)", "b.0", "nT", None),
+        ("狗腿度(°/30m)", "measured.dogleg_severity", "deg/30m", None),
+    ],
+)  # fmt: skip
+def test_names_of_three_languages(name, key, unit, north):
+    found = meaning(name)
+    assert (found.key, found.unit.label, found.north) == (key, unit, north)
+
+
+@pytest.mark.parametrize("name", ["Fx", "Fx (N)", "Fz_lbf"])
+def test_a_force_is_no_field(name):
+    assert meaning(name) is None

@@ -35,7 +35,7 @@ def test_a_hole_that_turns_and_is_shifted_so_that_its_mirror_goes_on_is_refused(
     md, inclination, azimuth = hole(turn_deg_30m=1.5)
     azimuth[30:] += np.radians(90.0)
     (found,) = check_run(Run(md, inclination, azimuth))
-    assert (found.code, found.severity) == ("run-azimuth-part", "refused")
+    assert (found.code, found.severity) == ("run-part", "refused")
     assert (found.values["md_m"], found.values["next_m"]) == (md[29], md[30])
 
 

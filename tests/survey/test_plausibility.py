@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.plausibility import well
 from scipy.spatial.transform import Rotation
 
 from inclinometry.errors import FileError, InputError, settled
@@ -215,7 +216,7 @@ def test_a_wrong_quadrant():
     md, inclination, azimuth = hole()
     wrong = np.where((azimuth > 90.0) & (azimuth < 270.0), (azimuth + 180.0) % 360.0, azimuth)
     tilted = md > 600.0
-    found = one(table(md[tilted], inclination[tilted], wrong[tilted]), "run-azimuth-part", mistake="half a turn")
+    found = one(table(md[tilted], inclination[tilted], wrong[tilted]), "run-part", mistake="half a turn")
     assert len(found.rows) == int((azimuth[tilted] > 90.0).sum())
 
 
@@ -629,3 +630,20 @@ def test_the_axis_that_brings_the_totals_back_is_named_and_none_where_two_are_wr
     assert found["fits"] == pytest.approx(right, abs=0.02)
     b[4, 0] += 6000.0
     assert fits() == {}
+
+
+@pytest.mark.parametrize(("sensor", "axis"), [("g", 0), ("g", 2), ("b", 1), ("b", 2)])
+def test_a_channel_that_keeps_one_value_is_named_with_its_stations(sensor, axis):
+    one = well(1)
+    fields = {"g": one.g.copy(), "b": one.b.copy()}
+    fields[sensor][-8:, axis] = fields[sensor][-8, axis]
+    found = check_run(Run.of_fields(one.md, **fields))
+    rows = tuple(range(len(one.md) - 8, len(one.md)))
+    assert [(each.code, each.values["axis"], each.rows) for each in found] == [("sensor-frozen", "xyz"[axis], rows)]
+
+
+def test_a_small_gain_step_of_one_axis_is_named():
+    one = well(5)
+    b = one.b.copy()
+    b[len(b) // 2 :, 0] *= 1.05
+    assert "run-gain-step" in [one.code for one in check_run(Run.of_fields(one.md, one.g, b))]

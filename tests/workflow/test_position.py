@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
+from inclinometry.files.position_csv import write_position_csv
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.findings import without_notes
-from inclinometry.workflow.position import read_position
+from inclinometry.position.propagation import Run, propagate, propagate_runs
+from inclinometry.workflow.position import RunFiles, read_position
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
 MWD = "iscwsa-mwd-rev5.1"
@@ -91,8 +95,15 @@ def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
     stands = read_position(files(tmp_path, "true", md=(0, 93, 188, 281))[0])
     assert coded(stands.findings) == ["run-depths-feet", "work-no-model"]
     slip = read_position(files(tmp_path, "true", inclination=(0, 10, 80, 11))[0])
-    bend = next(one for one in slip.findings if one.code == "work-dogleg")
-    assert (bend.values["md_m"], bend.values["line"]) == (60.0, 4)
+    bend = next(one for one in slip.findings if one.code == "run-station-misread")
+    assert (bend.values["md_m"], bend.values["station"], bend.values["fits_inclination_deg"]) == (60.0, 3, 10.0)
+
+
+@pytest.mark.parametrize(("date", "wanted"), [("1926-05-01", 1), ("1986-05-01", 0)])
+def test_a_date_before_any_measurement_while_drilling(tmp_path, date, wanted):
+    place = ("latitude_deg = 47.6", "longitude_deg = -122.3", f"date = {date}")
+    found = read_position(*files(tmp_path, "true", *place), MWD)
+    assert coded(found.findings).count("work-code-date") == wanted
 
 
 def test_digests_of_all_that_was_read(tmp_path):
@@ -111,3 +122,77 @@ def test_a_path_from_grid_north_needs_no_convergence(tmp_path):
         read_position(stations, site, MWD)
     with refused("work-no-site"):
         read_position(stations, north="true")
+
+
+def runs(tmp_path, **of):
+    """Files of stations every 30 m of one hole: name=(from, to, reference, error of azimuth)."""
+    found = []
+    for name, (low, high, reference, off) in of.items():
+        rows = [f"{m},{m / 50:.2f},{75 + off},{reference}" for m in range(low, high + 1, 30)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([HEAD, *rows]))
+        found.append(RunFiles(tmp_path / f"{name}.csv", MWD))
+    (tmp_path / "site.toml").write_text("\n".join([*FIELDS, "declination_deg = 2"]))
+    return [tmp_path / "site.toml", *found]
+
+
+def of(files, **more):
+    site, first, *below = files
+    return read_position(first.survey, site, *first[1:], below=below, **more)
+
+
+def test_two_runs_are_one_well_with_tools_of_their_own(tmp_path):
+    """The second begins with the tie-in row of the first; what runs share is one error, the rest is each run's own."""
+    found = of(runs(tmp_path, upper=(0, 600, "true", 0), lower=(600, 1200, "magnetic", -2)))
+    assert [one[:4] for one in found.runs] == [("upper.csv", 0.0, 600.0, 21), ("lower.csv", 630.0, 1200.0, 20)]
+    assert coded(found.findings) == []
+    whole = of(runs(tmp_path, one=(0, 1200, "true", 0)))
+    np.testing.assert_allclose(found.path.east, whole.path.east, atol=1e-9)
+    code = load_tool_code(MWD)
+    wanted = propagate_runs(whole.survey, [Run(0, 20, code), Run(21, 40, code)])
+    np.testing.assert_allclose(found.uncertainty.covariance, wanted.covariance, rtol=1e-9, atol=1e-12)
+    assert "run 2: ABZ" in found.uncertainty.sources
+    assert "DEC-U" in found.uncertainty.sources
+
+
+def test_a_run_replaces_those_before_it_where_it_has_stations(tmp_path):
+    site, mwd, gyro = runs(tmp_path, mwd=(0, 1200, "true", 0), gyro=(315, 615, "true", 1))
+    found = of([site, mwd, gyro])
+    assert [one[:3] for one in found.runs] == [
+        ("mwd.csv", 0.0, 300.0), ("gyro.csv", 315.0, 615.0), ("mwd.csv", 630.0, 1200.0),
+    ]  # fmt: skip
+    overlap = next(one for one in found.findings if one.code == "work-runs-overlap")
+    assert (overlap.severity, overlap.values["count"], overlap.values["others"]) == ("note", 10, ("mwd.csv",))
+    # both stretches of the first run share its errors
+    assert {name.partition(":")[0] for name in found.uncertainty.sources if ":" in name} == {"run 1", "run 2"}
+    code = load_tool_code(MWD)
+    one = propagate_runs(found.survey, [Run(0, 20, code, number=1), Run(21, 41, code, number=1)])
+    np.testing.assert_allclose(one.covariance, propagate(found.survey, code).covariance, rtol=1e-9, atol=1e-12)
+    site, mwd, other = runs(tmp_path, mwd=(0, 1200, "true", 0), other=(600, 1500, "true", 20))
+    assert [one.severity for one in of([site, mwd, other]).findings if one.code == "work-runs-overlap"] == ["warning"]
+
+
+def test_gaps_between_runs_and_runs_without_error_model(tmp_path):
+    site, upper, lower = runs(tmp_path, upper=(0, 600, "true", 0), lower=(900, 1200, "true", 0))
+    gap = without_notes(of([site, upper, lower]).findings)
+    assert coded(gap) == ["work-runs-gap"]
+    assert (gap[0].values["from_m"], gap[0].values["to_m"]) == (600.0, 900.0)
+    assert of([site, upper, lower], ignored=["work-runs-gap"]).findings[0].severity == "ignored"
+    with refused("input-needs lower.csv"):
+        of([site, upper, RunFiles(lower.survey)])
+    near = runs(tmp_path, upper=(0, 600, "true", 0), lower=(690, 1200, "true", 0))  # a stand was left out
+    assert not without_notes(of(near).findings)
+
+
+def test_a_side_track_begins_where_and_as_sure_as_its_parent(tmp_path):
+    site, parent, track = runs(tmp_path, parent=(0, 900, "true", 0), track=(600, 1200, "true", 5))
+    above = of([site, parent])
+    write_position_csv(tmp_path / "position.csv", above.path, above.uncertainty, "true")
+    found = of([site, track], tie_from=tmp_path / "position.csv")
+    for name in ("north", "east", "tvd"):
+        assert getattr(found.path, name)[0] == pytest.approx(getattr(above.path, name)[20], abs=1e-6)
+    np.testing.assert_allclose(found.uncertainty.covariance[0], above.uncertainty.covariance[20], rtol=1e-6, atol=1e-9)
+    assert "tie" in found.inputs
+    with refused("readings-tie-depth", error=FileError, near_m=900.0):
+        of(runs(tmp_path, deep=(1200, 1500, "true", 0)), tie_from=tmp_path / "position.csv")
+    with refused("input-north", error=FileError):
+        of(runs(tmp_path, track=(600, 1200, "grid", 0)), tie_from=tmp_path / "position.csv")

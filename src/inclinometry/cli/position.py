@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter, Token
 
 from inclinometry.cli import options, output
-from inclinometry.errors import out_of_range, refused
+from inclinometry.errors import not_among, out_of_range, refused, wrong_kind
 
 
 def _metres(low: str) -> Parameter:
@@ -26,6 +26,8 @@ def _metres(low: str) -> Parameter:
 
 
 Point: TypeAlias = tuple[float, float, float] | None
+ByRun: TypeAlias = Annotated[tuple[str, ...], Parameter(group=options.INPUT, negative="", show_default=False)]
+"""A file for all runs, RUN=FILE for one of them."""
 
 if TYPE_CHECKING:
     from inclinometry.workflow.position import WellPosition
@@ -34,21 +36,21 @@ if TYPE_CHECKING:
 def position(
     survey: Path,
     /,
-    *,
+    *more: Path,
     output_: options.OutputOrNone = None,
     site: options.InputOrNone = None,
     tool_code: Annotated[
-        str | None,
+        ByRun,
         Parameter(
-            group=options.INPUT,
-            help=f"Error model: a JSON file, or a shipped one: {options.shipped('position/tool_codes')}. Without it "
-            "and without --calibration no uncertainty is computed.",
+            help="Error model: a JSON or IPM file, or a shipped one: "
+            f"{options.shipped('position/tool_codes')}. RUN=CODE for one of several runs; RUN is its file or number.",
         ),
-    ] = None,
-    calibration: options.InputOrNone = None,
-    raw: options.InputOrNone = None,
-    corrections: options.InputOrNone = None,
-    errors: options.InputOrNone = None,
+    ] = (),
+    tool_parameter: ByRun = (),
+    calibration: ByRun = (),
+    raw: ByRun = (),
+    corrections: ByRun = (),
+    errors: ByRun = (),
     age_days: Annotated[
         options.AgeDays,
         Parameter(
@@ -58,11 +60,15 @@ def position(
     stability: options.StabilityFile = None,
     tie_on: Annotated[Point, _metres("-1e8")] = None,
     tie_sigma: Annotated[Point, _metres("0")] = None,
+    tie_from: options.InputOrNone = None,
     north: Literal["true", "grid"] | None = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
     ignore: options.Ignore = (),
     report: options.Report = None,
     sources: options.AlsoWritten = None,
+    every: Annotated[float | None, options.quantity("m", 0.01, 10_000.0, group=options.OUTPUT)] = None,
+    section_azimuth: Annotated[float | None, options.quantity("deg", -360.0, 360.0, group=options.OUTPUT)] = None,
+    feet: Annotated[bool, Parameter(negative="", show_default=False, group=options.OUTPUT)] = False,
     json: options.Json = False,
 ) -> None:
     """Positions of a well by minimum curvature, and their covariance by a tool code or by the tool's own certificate.
@@ -70,13 +76,19 @@ def position(
     Parameters
     ----------
     survey
-        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
+        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference. Without angles: north, east and
+        tvd, or x (east), y (north) and z (elevation or depth); angles are then computed and written.
+    more
+        Further runs of the well. Between its first and last station a run replaces those named before it.
     output_
         Write positions and covariance: m, m2; north, east, v down. Without -o nothing is written.
     site
         site.toml: declination, convergence and fields for the error model; missing fields come from models.
     calibration
-        tool.json: its covariance describes the sensors. --tool-code adds the other terms.
+        tool.json: its covariance describes the sensors. --tool-code adds the other terms. RUN=FILE for one run; so
+        are --raw, --corrections and --errors given.
+    tool_parameter
+        NAME=VALUE: a parameter of the tool codes, for instance noise_reduction_factor=0.5.
     raw
         With --calibration: raw channels of the stations. Without it, fields of the site are used.
     corrections
@@ -87,6 +99,8 @@ def position(
         North, east, true vertical depth of the first station, m. Default: 0, 0, its measured depth.
     tie_sigma
         Standard deviations of the tie-on, m.
+    tie_from
+        position.csv of the well above: position and covariance at the depth of the first station.
     north
         Reference of north and east: true or grid. Default: the site's north_reference; else grid for grid azimuths,
         true for others.
@@ -94,80 +108,141 @@ def position(
         North of the azimuths if the survey states none.
     sources
         Write each error source at each station as CSV.
+    every
+        Also write points at this interval, m, with their angles and covariance.
+    section_azimuth
+        Also write the vertical section along this azimuth, from north 0, east 0.
+    feet
+        Lengths in ft, dogleg per 100 ft, in the table, --output and --json.
     """
+    from inclinometry.files.position_csv import position_columns
     from inclinometry.files.profile import reading_with, with_constants
     from inclinometry.workflow.calibration_age import Age
-    from inclinometry.workflow.position import read_position
+    from inclinometry.workflow.position import RunFiles, read_position
 
-    code = {"--tool-code": None if tool_code is None else Path(tool_code)}
-    read = {"the survey": survey, "--site": site, "--calibration": calibration, "--raw": raw}
-    read |= {"--corrections": corrections, "--errors": errors, "--stability": stability, **code}
+    surveys = (survey, *more)
+    given = {"--tool-code": tool_code, "--calibration": calibration, "--raw": raw, "--corrections": corrections}
+    given |= {"--errors": errors}
+    by_run = {option: _of_runs(option, texts, surveys) for option, texts in given.items()}
+    read = {f"run {k}": one for k, one in enumerate(more, 2)} | {"the survey": survey, "--site": site}
+    read |= {"--stability": stability, "--tie-from": tie_from}
+    read |= {option if k == 1 else f"{option} of run {k}": one and Path(one) for option, own in by_run.items()
+             for k, one in enumerate(own, 1)}  # fmt: skip
     output.check_outputs({"--output": output_, "--report": report, "--sources": sources}, read)
-    if corrections is not None and raw is None:
-        raise refused("input-needs", {"name": "--corrections", "needed": ("--raw", "--calibration")})
-    if raw is not None and calibration is None:
-        raise refused("input-needs", {"name": "--raw", "needed": ("--calibration",)})
-    if calibration is None and (age_days is not None or stability is not None):
+    runs = [RunFiles(*files) for files in zip(surveys, *by_run.values(), strict=True)]
+    for one in runs:
+        if one.corrections is not None and one.raw is None:
+            raise refused("input-needs", {"name": "--corrections", "needed": ("--raw", "--calibration")})
+        if one.raw is not None and one.tool is None:
+            raise refused("input-needs", {"name": "--raw", "needed": ("--calibration",)})
+        if one.errors is not None and one.tool is not None:
+            raise refused("input-not-with", {"name": "--calibration", "other": "--errors"})
+    if not calibration and (age_days is not None or stability is not None):
         raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
-    if errors is not None and calibration is not None:
-        raise refused("input-not-with", {"name": "--calibration", "other": "--errors"})
-    if sources is not None and tool_code is None and calibration is None and errors is None:
+    if sources is not None and not (tool_code or calibration or errors):
         raise refused("input-needs", {"name": "--sources", "needed": ("--tool-code | --calibration | --errors",)})
+    if tie_from is not None and (tie_on is not None or tie_sigma is not None):
+        raise refused("input-not-with", {"name": "--tie-on, --tie-sigma", "other": "--tie-from"})
     with (
         reading_with(None if azimuth_reference is None else with_constants(azimuth_reference=azimuth_reference)),
         output.reading(survey) as progress,
         output.busy("positions and their uncertainty"),
     ):
+        first = runs[0]
         found = read_position(
-            survey,
+            first.survey,
             site,
-            tool_code,
-            calibration,
-            raw,
-            corrections,
-            errors,
+            *first[1:],
+            below=runs[1:],
+            parameters=dict(_parameter(text) for text in tool_parameter),
             age=Age(age_days, stability),
             ignored=ignore,
+            tie_from=tie_from,
             tie_on=tie_on,
             tie_sigma=tie_sigma,
             north=north,
             progress=progress,
         )
-    _write(found, output_, report, sources)
+    shown = {"section": section_azimuth, "feet": feet}
+    _write(found, output_, report, sources, every, shown)
     output.findings(found.findings)
+    columns = position_columns(found.path, found.uncertainty, found.survey.north, **shown)
     if json:
-        output.print_json(_content(found, output_))
+        output.print_json(_content(found, output_, columns))
         return
-    show_position(found)
+    show_position(found, columns)
     output.print_outputs(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
 
-def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
+def _of_runs(option: str, texts: Sequence[str], surveys: Sequence[Path]) -> list[str | None]:
+    """The value of each run, of those for all runs or RUN=VALUE."""
+    runs = {name: k for k, path in enumerate(surveys) for name in (str(k + 1), path.stem, path.name, str(path))}
+    found: dict[int | None, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if equals and name not in runs and not Path(text).exists():
+            raise not_among(option, name, (path.name for path in surveys))
+        run, own = (runs[name], value) if equals and name in runs else (None, text)
+        if run in found:
+            raise refused("input-repeated", {"name": option, "value": text})
+        found[run] = own
+    return [found.get(k, found.get(None)) for k in range(len(surveys))]
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    """NAME=VALUE."""
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise wrong_kind(f"--tool-parameter {name}", value, "number") from None
+
+
+def _write(
+    found: WellPosition,
+    target: Path | None,
+    report: Path | None,
+    sources: Path | None,
+    every: float | None,
+    shown: Mapping[str, Any],
+) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
+    from inclinometry.workflow.holes import positions_every
 
-    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **found.told):
+    more = {**found.told, "section": shown["section"]}
+    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **more):
+        path = found.path if every is None else positions_every(found.path, every)
+        computed = any(one.code == "readings-through-positions" for one in found.findings)
+        points = {
+            **shown,
+            "stations": None if every is None else found.path.md,
+            "angles": computed or every is not None,
+        }
         if target is not None:
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
-            write_position_csv(target, found.path, found.uncertainty, found.survey.north, ignored)
+            write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)
         if sources is not None and found.uncertainty is not None:
             write_sources_csv(sources, found.uncertainty)
 
 
-def show_position(found: WellPosition, most: int = 10) -> None:
+def show_position(found: WellPosition, columns: Mapping[str, Any], most: int = 10) -> None:
     """A few stations spread over the well, and the largest sources at the last, on the terminal."""
-    from inclinometry.files.position_csv import position_columns
-
-    columns = position_columns(found.path, found.uncertainty, found.survey.north)
-    shown = ["md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m"]
+    if found.runs:
+        cells = [[x if isinstance(x, str) else f"{x:.12g}" for x in one] for one in found.runs]
+        output.table("runs, from top to bottom", ["run", "from m", "to m", "stations", "tool code"], cells)
+    unit, per = ("m", "30m") if "md_m" in columns else ("ft", "100ft")
+    places = [(f"{name}_{unit}", f"{name} {unit}") for name in ("md", "tvd", "north", "east", "section")]
+    places.append((f"dls_deg_{per}", "dls"))
     if found.uncertainty is not None:
-        shown += ["semi_major_m", "semi_minor_m", "major_azimuth_deg"]
-    rows = [[f"{float(columns[name][row]):.2f}" for name in shown] for row in output.spread(len(found.path), most)]
-    header = ["md m", "tvd m", "north m", "east m", "dls", "major m", "minor m", "at deg"][: len(shown)]
-    caption = f"from {found.survey.north} north; dls in deg/30 m" + (
+        places += [(f"semi_{name}_{unit}", f"{name} {unit}") for name in ("major", "minor")]
+        places.append(("major_azimuth_deg", "at deg"))
+    shown = [place for place in places if place[0] in columns]
+    rows = [[f"{float(columns[name][row]):.2f}" for name, _ in shown] for row in output.spread(len(found.path), most)]
+    caption = f"from {found.survey.north} north; dls in deg/{per.replace(unit, f' {unit}')}" + (
         "; horizontal ellipse of one standard deviation" if found.uncertainty is not None else ""
     )
-    output.table(f"positions{output.excerpt(len(rows), len(found.path))}", header, rows, caption)
+    output.table(f"positions{output.excerpt(len(rows), len(found.path))}", [head for _, head in shown], rows, caption)
     if found.uncertainty is not None:
         from inclinometry.report.position import contributions
 
@@ -176,11 +251,8 @@ def show_position(found: WellPosition, most: int = 10) -> None:
         output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
 
 
-def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
+def _content(found: WellPosition, target: Path | None, columns: Mapping[str, Any]) -> dict[str, Any]:
     """Everything a machine asks for first: the last station, its covariance, ellipse and sources."""
-    from inclinometry.files.position_csv import position_columns
-
-    columns = position_columns(found.path, found.uncertainty, found.survey.north)
     last = {n: values if isinstance(values, str) else values[-1] for n, values in columns.items()}
     code, model = found.tool_code, {} if found.calibration is None else {"calibration": found.calibration}
     if code is not None:
@@ -190,6 +262,7 @@ def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
         "azimuth_reference": found.azimuth_reference,
         "north_reference": found.survey.north,
         "error_model": model or ({"run": "errors"} if found.uncertainty else None),
+        "runs": [one._asdict() for one in found.runs],
         "last_station": last,
         "sources": _sources(found),
         "findings": [one.plain() for one in found.findings],

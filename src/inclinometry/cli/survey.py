@@ -46,8 +46,8 @@ def survey(
     ignore: options.Ignore = (),
     report: options.Report = None,
     json: options.Json = False,
-) -> None:
-    """Reduce raw channels to survey stations with uncertainty.
+) -> int:
+    """Reduce raw channels to survey stations with uncertainty; exit status 1 if most stations are out of tolerance.
 
     Parameters
     ----------
@@ -102,13 +102,14 @@ def survey(
         show_survey(found)
         output.print_outputs(output_, report, what=output.counted(len(found), "station"))
         output.print_line(_in_a_line(found))
+    return int(any(one.code == "survey-most-off" for one in found.findings))
 
 
 def _in_a_line(found: Survey) -> str:
     degrees, flagged = np.degrees(found.inclination), sum(bool(row) for row in found.flags)
     return (
         f"{output.counted(len(found), 'station')}, {found.md[0]:.1f} to {found.md[-1]:.1f} m, inclination "
-        f"{degrees.min():.2f} to {degrees.max():.2f} deg, azimuths from {found.azimuth_reference} north, "
+        f"{np.nanmin(degrees):.2f} to {np.nanmax(degrees):.2f} deg, azimuths from {found.azimuth_reference} north, "
         f"{flagged} flagged"
     )
 

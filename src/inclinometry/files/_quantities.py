@@ -145,7 +145,8 @@ def _wrapping() -> re.Pattern[str]:
 
 
 def _unwrapped(name: str) -> str:
-    """The name without what a program writes around it, as Shimmer its device and CAL."""
+    """The name without what a program writes around it, as Shimmer its device and CAL; `Dip°` is `Dip °`."""
+    name = re.sub(r"(?<=[^\W\d])(?=[°º]$)", " ", name)
     return _wrapping().sub(lambda found: found[1], name, count=1)
 
 
@@ -185,13 +186,13 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
             raise refused("table-near", {"name": name, "right": near})
         return None
     candidates, written = split
-    if written is not None and written.endswith("sd") and channel(name) is not None:
-        return None  # the standard deviation of a channel
-    written = _one_unit(name, written, stated)
-    if written is None and _contract(name, beside):
-        written = _contract(name, beside)
-    # the one candidate whose dimension has the unit
     known = quantities()
+    met = any(_unit(written or stated or "", known[key].dimension) for key, _ in candidates)
+    unsure = not met and _squashed(name).startswith(tuple(_data()["unsure"]["names"]))
+    if unsure or (written and written.endswith("sd") and channel(name) is not None):
+        return None  # of another trade; the standard deviation of a channel
+    written = _one_unit(name, written, stated) or _contract(name, beside)
+    # the one candidate whose dimension has the unit
     if written is None:
         raise refused("table-unit-missing", {"name": name, "right": tuple(known[key].column for key, _ in candidates)})
     fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
@@ -268,7 +269,7 @@ def to_si(unit: str) -> tuple[str, float]:
 def hole_names(what: str) -> tuple[str, ...]:
     """Squashed names of a column of drill holes: "hole", "depth", "dip" .. of shots, "x" .. "end" of collars, "casing".
 
-    >>> hole_names("dip")
+    >>> hole_names("dip")[:3]
     ('dip', 'dipangle', 'plunge')
     """
     return tuple(_data()["hole"][what])
@@ -316,14 +317,16 @@ def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
         return None
 
 
-def listed_axis(name: str, stated: Collection[str] = ()) -> tuple[str, float] | None:
+def listed_axis(name: str, stated: Collection[str] = (), alone: bool = False) -> tuple[str, float] | None:
     """The axis ("north", "east", "tvd") of a column of positions and its factor to metres; None for another column.
+
+    alone : whether positions are all there is: x, y and "z" are axes, too.
 
     >>> listed_axis("+N/-S (ft)"), listed_axis("E(+) (m)"), listed_axis("North Reference", ["m"])
     (('north', 0.3048), ('east', 1.0), None)
     """
     plain = re.sub(r"\(\s*[-+\u2212]\s*\)|[+\u2212]", "", name)  # of N(+) and +N/-S
-    for axis, names in _data()["listed"].items():
+    for axis, names in (*_data()["listed"].items(), *(_data()["positions"].items() if alone else ())):
         if (factor := factor_of(plain, names, "m", stated)) is not None:
             return axis, factor
     return None

@@ -133,6 +133,19 @@ def channel_advice(name: str) -> Finding | None:
     return Finding("table-unit", {"column": name, "unit": found["unit"], "allowed": tuple(UNIT_LABELS)})
 
 
+def spelled(name: str) -> str:
+    """The name as the package writes it, where capitals alone differ.
+
+    >>> spelled("Accel_X_NT"), spelled("Station"), spelled("mag_x_G"), spelled("crew")
+    ('accel_x_nT', 'station', 'mag_x_G', 'crew')
+    """
+    near = None if name.lower().endswith(("_g", "_sd")) else channel_advice(name)  # g or gauss
+    right = (
+        near.values.get("right", name) if near else {known.lower(): known for known in KNOWN}.get(name.lower(), name)
+    )
+    return str(right)
+
+
 def closest(name: str, names: Sequence[str], cutoff: float = 0.6) -> str | None:
     """The known name most like `name`, letter case aside."""
     lowered = {n.lower(): n for n in reversed(list(names))}

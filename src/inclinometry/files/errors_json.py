@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,13 @@ class RunErrors:
     errors: Mapping[str, AngleErrors]
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
+
+    def between(self, low: float, high: float) -> RunErrors:
+        """The stations from `low` to `high`, m."""
+        rows = (self.md >= low) & (self.md <= high)
+        errors = {cause: one._replace(by_parameter=one.by_parameter[rows]) for cause, one in self.errors.items()}
+        angles = {"inclination": self.inclination[rows], "azimuth": self.azimuth[rows]}
+        return replace(self, md=self.md[rows], errors=errors, **angles)
 
 
 _ROWS = ("inclination", "azimuth", "north", "east")

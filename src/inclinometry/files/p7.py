@@ -20,7 +20,7 @@ import numpy as np
 from inclinometry.errors import FileError, in_file, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities, unit_factor
-from inclinometry.files.frame import Column, Frame
+from inclinometry.files.frame import Column, Frame, unused
 from inclinometry.files.survey_file import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.table_formats import row_width
 from inclinometry.files.text import LineReader, NumberReader
@@ -138,6 +138,38 @@ def read_p7(
     for kind, mine in rows.values():
         counts[kind] += len(mine)
     return P7File(MappingProxyType(surveys), tuple(others), MappingProxyType(dict(counts)))
+
+
+def read_p7_survey(
+    path: str | Path,
+    *,
+    convention: str = "iscwsa",
+    depth_unit: str | None = None,
+    azimuth_reference: str | None = None,
+    sheet: str | None = None,
+) -> SurveyFile:
+    """One survey of a P7/17 file, by its number (`sheet`) where there are several; else as `read_p7`.
+
+    Raises
+    ------
+    FileError
+        Several surveys and no number, no survey of that number; else as `read_p7`.
+    """
+    found = read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
+    numbers = tuple(map(str, found.surveys))
+    if sheet is None and len(found.surveys) > 1:
+        raise FileError(Finding("file-surveys", {"names": numbers}), path=path)
+    wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
+    survey = next(wanted, None)
+    if survey is None:
+        raise FileError(
+            Finding("input-choice", {"name": "--sheet", "value": sheet or "", "allowed": numbers}), path=path
+        )
+    raw = ("M7", "G7")
+    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
+    if not others:
+        return survey
+    return replace(survey, findings=(*survey.findings, *unused(others)))
 
 
 def _sorted_lines(

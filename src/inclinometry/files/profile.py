@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
-from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number
+from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number, spelled
 from inclinometry.files.toml_keys import Settings, parsed
 from inclinometry.opening import LARGEST_SETTINGS, damaged, not_text, whole
 
@@ -102,8 +102,9 @@ class Profile:
         if key in self.columns:
             self.check_unit(name, stated_unit(name), key)
             return self._turned(_converted(self.columns[key], self.given.get(key)))
-        if numeric(name) or name in TEXT:
-            return self._turned(Reading(name))
+        plain = name if numeric(name) else spelled(name)
+        if numeric(plain) or plain in TEXT:
+            return self._turned(Reading(plain))
         if numeric("time_s") and (factor := seconds_of(name, self.units)) is not None:
             return Reading("time_s", factor)
         found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}

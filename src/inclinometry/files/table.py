@@ -66,6 +66,7 @@ class TableFile:
         self._north: str | None = None
         self._header: Mapping[str, str] = {}
         self.findings: tuple[Finding, ...] = ()
+        empty = set[int]()
         if isinstance(first, Frame):
             written, self.word, self.line = list(first.columns), first.word, first.header_line
             self._bare, self._north, self._header = first.bare, first.north, first.header
@@ -80,13 +81,9 @@ class TableFile:
             self.findings = self._lines.findings
             if "" in written and (one := next(pieces, None)) is not None:
                 # a table that does not begin in the first column of its sheet
-                empty = [
-                    k for k, name in enumerate(written) if not name and not any(map(str.strip, texts_of(one[1][k])))
-                ]
-                pieces = (
-                    (rows, [c for k, c in enumerate(cells) if k not in empty]) for rows, cells in chain([one], pieces)
-                )
-                written = [name for k, name in enumerate(written) if k not in empty]
+                unnamed = (k for k, name in enumerate(written) if not name)
+                empty = {k for k in unnamed if not any(map(str.strip, texts_of(one[1][k])))}
+                pieces = chain([one], pieces)
         self._numbers = NumberReader(self.path, self.word)
         self._width, self._count = len(written), 0
         # the north may be stated twice, as long as both are the same
@@ -97,7 +94,7 @@ class TableFile:
         self._blank = {k: self._profile.blank[key] for k, key in enumerate(keys) if key in self._profile.blank}
         self._deleted = {k: profile.deleted[key] for k, key in enumerate(keys) if key in profile.deleted}
         self._gone = 0
-        self._kept = [k for k, key in enumerate(keys) if self._profile.columns.get(key) != ""]
+        self._kept = [k for k, key in enumerate(keys) if k not in empty and profile.columns.get(key) != ""]
         names = [*(written[k] for k in self._kept), *self._extra]
         self._clock: Clock | None = None
         if timed and any(part_of_time(name) for name in names):

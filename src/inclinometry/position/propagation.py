@@ -203,6 +203,7 @@ class Run(NamedTuple):
     sources : with rows for all stations of the well.
     surface_attitude : whether the attitude at the first station of the well is as uncertain as at the second, which
         then takes all of the first course; None: as the tool code has it.
+    number : of the run, where another lies between two stretches of it; None: each is a run of its own.
     """
 
     first: int
@@ -210,6 +211,7 @@ class Run(NamedTuple):
     code: ToolCode | None = None
     sources: Sequence[MatrixSource] = ()
     surface_attitude: bool | None = None
+    number: int | None = None
 
 
 class _Part(NamedTuple):
@@ -326,6 +328,17 @@ class PositionUncertainty(Tabular):
         rest = whole - sum(trace for trace, _ in traces)
         return pooled_freedom([*traces, (rest, np.inf)])
 
+    def between(self, md: Array) -> Array:
+        """Covariance (m, 3, 3) at depths, m: between stations errors are linear in depth, random covariances too."""
+        k = np.clip(np.searchsorted(self.survey.md, md, side="right") - 1, 0, len(self) - 2)
+        f = ((md - self.survey.md[k]) / np.diff(self.survey.md)[k])[:, None, None]
+        total = (1.0 - f) * self.covariance[k] + f * self.covariance[k + 1]
+        for one in self.sources.values():
+            if one.propagation != "random":  # ((1 - f) a + f b)^2 = (1 - f) a^2 + f b^2 - f (1 - f) (b - a)^2
+                step = np.diff(one.vectors, axis=1)[:, k]
+                total -= f * (1.0 - f) * np.einsum("pmi,pmj->mij", step, step)
+        return np.asarray(total)
+
     def widened(self, probability: float) -> Array:
         """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.
 
@@ -424,7 +437,8 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
         mask[run.first : run.last + 1] = 1.0
         for one in _run_sources(survey, run, None if len(runs) == 1 else mask):
             shared = len(runs) == 1 or one.propagation in ("well", "global")
-            pieces.setdefault(one.name if shared else f"run {number}: {one.name}", []).append(one)
+            own = f"run {run.number or number}: {one.name}"
+            pieces.setdefault(one.name if shared else own, []).append(one)
     sources = {name: _joined(name, parts) for name, parts in pieces.items()}
     if not sources:
         raise refused("input-one-of", {"names": ("tool_code", "sources")})

@@ -126,6 +126,7 @@ FLAGS = {
     "rate": "the rotation measured is not the Earth's rate: the tool moved, or the gyro's bias or scale has changed",
     "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
     "overruled": "a finding of the whole run was ignored (--ignore); the findings of the run say which",
+    "channel": "a channel failed here: it kept one value, changed its size, or was ten times as noisy; no azimuth",
     "no-azimuth": "no second field to take the azimuth from",
     "g-in-plane": "gravity lies in the plane of the two accelerometers, which do not measure the component across "
     "it: the inclination may be wrong by more than is stated",

@@ -24,23 +24,34 @@ from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import directions
-from inclinometry.survey.run import JUMP, Channels, Run, Smoothness, scatter, smoothness
-from inclinometry.survey.run_stations import check_depths, check_repeats, check_stations
+from inclinometry.survey.run import JUMP, Channels, Run, Smoothness, last_digit, scatter, smoothness
+from inclinometry.survey.run_stations import (
+    SHARPEST,
+    check_depths,
+    check_repeats,
+    check_stations,
+    check_vertical_depths,
+)
 
 
-def check_run(run: Run) -> list[Finding]:
+def check_run(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
     """The mistakes a run seems to hold, refusals first; empty for a run that can be true.
 
     One mistake gives one finding: with a wrong column or axis no station is judged. Rows with an angle that is not
     finite are left out.
     """
     rows = np.flatnonzero(np.isfinite(run.inclination) & np.isfinite(run.azimuth))
-    if len(rows) < 3:
-        return []
     kept = run if len(rows) == len(run.md) else run.rows(rows)
-    found = [*check_depths(kept.md), *check_repeats(kept)]
+    if len(rows) < 3:
+        return check_stations(kept, sharpest) if len(rows) == 2 else []
+    found = [*check_depths(kept.md), *check_vertical_depths(kept), *check_repeats(kept), *_constant(kept)]
     depths_right = not any(one.group == "depths" and one.severity == "refused" for one in found)
-    if clipped := _clipped(kept):
+    clipped = _clipped(kept)
+    ends = [(one.values["sensor"], one.values["axis"]) for one in clipped]
+    if frozen := [one for one in frozen_channels(kept) if (one.values["sensor"], one.values["axis"]) not in ends]:
+        rest = np.setdiff1d(np.arange(len(kept.md)), [row for one in frozen for row in one.rows])
+        found = [*frozen, *(_placed(one, rest) for one in check_run(kept.rows(rest)))]
+    elif clipped:
         # what is wrong with the columns shows without the stations that are clipped
         rest = np.setdiff1d(np.arange(len(kept.md)), [row for one in clipped for row in one.rows])
         others = [one for one in check_run(kept.rows(rest)) if one.group in ("axes", "columns", "units")]
@@ -53,7 +64,7 @@ def check_run(run: Run) -> list[Finding]:
             whole = _channels(kept, stepped=bool(whole)) or whole or (_angles(kept) if depths_right else [])
         found += whole or ([*_radians(kept), *_beginning(kept)] if depths_right else [])
         if depths_right and not any(one.group in ("columns", "axes", "units", "totals") for one in found):
-            found += check_stations(kept)
+            found += check_stations(kept, sharpest)
         found += [] if any(one.group == "totals" for one in found) else _totals(kept)
     return sorted((_placed(one, rows) for one in found), key=lambda one: one.severity != "refused")
 
@@ -140,12 +151,6 @@ def _scatters(md: Array, i: Array, a: Array) -> tuple[float, float, float]:
     return scatter(i, md), scatter(turned, md, np.sin(np.radians(i))), scatter(turned, md)
 
 
-def _last_digit(values: Array) -> float:
-    return next(
-        (float(s) for s in 10.0 ** -np.arange(5) if (np.abs(values / s - np.round(values / s)) < 1e-5).all()), 1e-5
-    )
-
-
 def _radians(run: Run) -> list[Finding]:
     """Angles that are degrees by name, and radians by how finely they repeat and where they end; level holes in grads.
 
@@ -157,7 +162,7 @@ def _radians(run: Run) -> list[Finding]:
         return []
     i, a, per = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth)), 180.0 / np.pi
     given, best = _scatters(md, i, a), None
-    hidden = given[0] < 0.5 * _last_digit(i), given[2] < 0.5 * _last_digit(a)  # what is rounding tells nothing
+    hidden = given[0] < 0.5 * last_digit(i), given[2] < 0.5 * last_digit(a)  # what is rounding tells nothing
     for of_i, of_a in ((True, True), (True, False), (False, True)):
         ratio = 0.0
         if (of_i and (i.max() > np.pi + 1e-3 or np.ptp(i) < 1e-3 or hidden[0])) or (
@@ -207,6 +212,44 @@ def _level_in_grads(i: Array) -> list[Finding]:
     return [Finding("run-level-grads", {"count": len(level), "inclination_deg": middle, "log_ratio": ratio})]
 
 
+def _constant(run: Run) -> list[Finding]:
+    """An angle that keeps one value, all along or over a part, beside one that scatters as readings do.
+
+    Neighbours are equal with the chance p = digit / (sqrt(4 pi) scatter), at most 0.8: no hole is straighter.
+    """
+    if run.g is not None or np.median(np.diff(run.md)) > 60.0:  # plans are listed so, whose bends look like scatter
+        return []
+    angles_ = {"inclination": np.degrees(run.inclination), "azimuth": np.degrees(wrap_positive(run.azimuth))}
+    for (name, own), other in zip(angles_.items(), reversed(angles_.values()), strict=True):
+        across = np.maximum(np.sin(run.inclination), 0.1)
+        rows = np.flatnonzero((across > 0.1) | (name == "inclination"))
+        edges = np.flatnonzero(np.concatenate([[True], np.diff(own[rows]) != 0.0, [True]]))
+        if len(rows) < 8 or (length := int(np.diff(edges).max())) < 8:
+            continue
+        first = int(edges[np.diff(edges).argmax()])
+        kept = rows[first : first + length]
+        seen, digit = scatter(other[kept], run.md[kept]), last_digit(other[kept])
+        if not max(0.02, digit) < seen < (0.6 if name == "azimuth" else 2.0):
+            continue
+        if name == "azimuth":
+            seen /= across[kept].mean()
+        else:  # read better than azimuth; a vertical hole's azimuths would scatter more
+            seen = max(0.2 * seen * across[kept].mean(), 0.1 if across[kept].max() <= 0.1 else 0.0)
+        others = np.delete(rows, range(first, first + length))
+        rest = own[others]
+        if len(rest) and scatter(rest, run.md[others]) < 0.02:
+            continue  # a part of a column that nowhere scatters
+        alike = (np.diff(rest) == 0.0).mean() if len(rest) else 0.0
+        digit = last_digit(rest) if len(rest) else digit
+        chance = max(min(digit / (np.sqrt(4.0 * np.pi) * seen), 0.8), alike)
+        ratio = -(length - 1.0) * float(np.log(chance)) - float(np.log(len(rows)))
+        if ratio > np.log(1e5):
+            values: dict[str, Value] = {"angle": name, "value_deg": float(own[kept[0]]), "count": length}
+            ends = {"md_m": float(run.md[kept[0]]), "last_m": float(run.md[kept[-1]]), "log_ratio": ratio}
+            return [Finding("run-constant", values | ends, tuple(kept.tolist()))]
+    return []
+
+
 _CLIMBS: Final = {
     False: ("inclination may be counted from the other end", "If it is, replace it by 180 minus the reading"),
     True: (
@@ -228,6 +271,13 @@ def _beginning(run: Run) -> list[Finding]:
     down = np.cos(np.radians(i))
     climbed = -float(np.sum(0.5 * (down[1:] + down[:-1]) * course))
     mean = float(np.sum(0.5 * (i[1:] + i[:-1]) * course) / length)
+    if at_top and first < 12.0 and i.max() > 110.0 and last > 75.0 and np.diff(i).max() < 25.0:
+        values: dict[str, Value] = {
+            "first_deg": first,
+            "most_deg": float(i.max()),
+            "fits_deg": float(np.degrees(np.arctan(i.max() / 100))),
+        }
+        return [Finding("run-slope", values)]
     if climbed >= 300.0 and mean >= 100.0:
         # log length of wells 2000 m within 0.7, of up-holes 150 m within 0.8; 19 wells of 20 begin vertical
         wells, ups = (
@@ -238,7 +288,7 @@ def _beginning(run: Run) -> list[Finding]:
         ratio = float(wells - ups + np.log(begins))
         if ratio >= np.log(3.0):
             refused = upright and at_top and ratio > np.log(5.0)
-            values: dict[str, Value] = {"climb_m": climbed, "mean_deg": mean, "log_ratio": ratio}
+            values = {"climb_m": climbed, "mean_deg": mean, "log_ratio": ratio}
             values |= dict(zip(("cause", "advice"), _CLIMBS[axes], strict=True))
             return [Finding("run-climbs", values, severity=refused_if(refused))]
     if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(i) <= 0.5) > 0.8:
@@ -421,7 +471,7 @@ def _units(sizes: Mapping[str, Array]) -> list[Finding]:
 
 def _gain_step(run: Run) -> list[Finding]:
     """A sensor, or a triad, whose gain changes midway, by least squares of the field's length after each station."""
-    for kind, values, least in zip(VECTORS, (run.g, run.b), (0.02, 0.1), strict=True):
+    for kind, values, least in zip(VECTORS, (run.g, run.b), (0.02, 0.02), strict=True):
         if values is None or len(values) < 8:
             continue
         squares = values**2
@@ -441,13 +491,72 @@ def _gain_step(run: Run) -> list[Finding]:
                 left = float(np.std(fixed / np.median(fixed)))
                 if best is None or left < best[0]:
                     best = left, axis, row, 1.0 / np.sqrt(gain), _spread(fixed / np.median(fixed))
-        if best is not None and best[4] < 0.2 * before:
+        # offsets, of sensors or of the assembly, make totals step where the hole bends
+        offsets = np.linalg.lstsq(np.column_stack([values, np.ones(len(values))]), length, rcond=None)[0][:-1]
+        even = np.sqrt(np.maximum(length - values @ offsets, 0.0))
+        if best is not None and best[4] < 0.2 * min(before, _spread(even / max(float(np.median(even)), 1e-300))):
             _, axis, row, factor, undone = best
             facts: dict[str, Value] = {"sensor": kind, "axis": axis, "gain": float(factor), "station": row + 1}
             facts |= {"md_m": float(run.md[row]), "scatter_percent": 100.0 * before, "left_percent": 100.0 * undone}
             severity = refused_if(abs(np.log(factor)) > 0.2)
             return [Finding("run-gain-step", facts, tuple(range(row, len(run.md))), severity)]
     return []
+
+
+def frozen_channels(run: Run) -> list[Finding]:
+    """Channels that keep one value to the last digit while the others of their triad move, beyond what digits explain.
+
+    The totals contradict the value, or, where the field hardly depends on it, noise is wider than its last digit.
+    """
+    found: list[Finding] = []
+    triads = {kind: v for kind, v in zip(VECTORS, (run.g, run.b), strict=True) if v is not None}
+    readings = {kind: run.channels.get(kind, v) for kind, v in triads.items()}
+    equal = {kind: v[1:] == v[:-1] for kind, v in readings.items()}
+    for kind, fields in triads.items():
+        same = equal[kind] & ~equal[kind].all(axis=1)[:, None]
+        for axis, column in enumerate(readings[kind].T):
+            edges = np.flatnonzero(np.diff(np.r_[False, equal[kind][:, axis], False])).reshape(-1, 2)
+            first, last = max(edges.tolist(), key=lambda one: one[1] - one[0], default=(0, 0))
+            inside = np.zeros(len(column), bool)
+            inside[first : last + 1] = True
+            others = np.delete(same, axis, axis=1).sum() + same[~inside[1:], axis].sum()
+            share = (others + 0.5) / (2.0 * len(same) + (~inside[1:]).sum() + 1.0)
+            count = int(same[first:last, axis].sum())
+            if count < 3 or len(column) * share**count > 1e-4:
+                continue
+            if _contradicted(run, kind, inside) or (
+                _noise_shows(fields, column, axis, inside)
+                and not any((v[first:last, k].mean() > 0.5) for name, v in equal.items() for k in range(v.shape[1])
+                            if (name, k) != (kind, axis))
+            ):  # fmt: skip
+                name = "xyz"[axis] if readings[kind].shape[1] == 3 else str(axis + 1)
+                facts: dict[str, Value] = {"sensor": kind, "axis": name, "reading": float(column[first])}
+                facts |= {"count": last - first + 1, "first": str(first + 1), "last": str(last + 1)}
+                found.append(Finding("sensor-frozen", facts, tuple(range(first, last + 1))))
+    return found
+
+
+def _contradicted(run: Run, kind: str, inside: Mask) -> bool:
+    """Whether totals of a triad at some stations are far from those of the others."""
+    off = np.zeros(len(inside))
+    for name in ("g",) if kind == VECTORS[0] else ("b", "dip"):
+        values = run.totals[name]
+        usual = values[~inside] if (~inside).sum() >= 4 else values
+        off = np.maximum(off, np.abs(values - np.median(usual)) / max(_robust(usual), LEAST_SCATTER[name]))
+    return int((off[inside] > 5.0).sum()) >= 2
+
+
+def _noise_shows(fields: Array, column: Array, axis: int, inside: Mask) -> bool:
+    """Whether noise is wider than the last digit of a channel, which sees the field's direction in first order."""
+    strength = np.linalg.norm(fields, axis=1)
+    steps = np.diff(np.unique(column))
+    gain = float(np.ptp(fields[:, axis]) / max(float(np.ptp(column)), 1e-300))
+    digit = gain * float(steps.min(initial=np.inf)) / float(np.median(strength))
+    noise = 0.6 * float(np.median(np.abs(np.diff(strength, 2)))) / float(np.median(strength))
+    # gravity along a hole, of accelerometers of little noise, hardly changes with the hole's direction
+    along = float(np.median(np.abs(fields[inside, axis]) / strength[inside]))
+    still = along > 0.9 and abs(float(np.median(strength)) / STANDARD_GRAVITY - 1.0) < 0.2
+    return digit < 1e-4 and noise > 2.0 * digit and not still
 
 
 def _clipped(run: Run) -> list[Finding]:

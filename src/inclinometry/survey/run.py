@@ -91,7 +91,7 @@ def smoothness(md: Array, t: Array) -> Smoothness:
         before, after = np.diff(md)[:-1], np.diff(md)[1:]
         residual[1:-1] = angle_between(t[1:-1], after[:, None] * t[:-2] + before[:, None] * t[2:])
         length[1:-1] = 2.0 * before * after / (before + after)
-    known = np.isfinite(residual)
+    known = residual > 1e-9  # a section taken to be straight tells nothing of the rest
     if not known.any():
         return Smoothness(residual, np.full(len(md), FINEST))
     noise = max(1.4826 * float(np.median(residual[known])), FINEST)
@@ -112,3 +112,10 @@ def scatter(values: Array, md: Array, weight: Array | float = 1.0) -> float:
     before, after = np.diff(md)[:-1], np.diff(md)[1:]
     off = np.abs(values[1:-1] - (after * values[:-2] + before * values[2:]) / (before + after))
     return 1.4826 * float(np.median(off * np.broadcast_to(weight, len(md))[1:-1]))
+
+
+def last_digit(values: Array) -> float:
+    """Last digit of values: 1, 0.1, .. 1e-5."""
+    return next(
+        (float(s) for s in 10.0 ** -np.arange(5) if (np.abs(values / s - np.round(values / s)) < 1e-5).all()), 1e-5
+    )

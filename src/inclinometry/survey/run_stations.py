@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from inclinometry.constants import FOOT
 from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import directions
-from inclinometry.survey.run import FINEST, JUMP, Run, Smoothness, angle_between, scatter, smoothness
+from inclinometry.survey.run import FINEST, JUMP, Run, Smoothness, angle_between, last_digit, scatter, smoothness
 
 # Depths.
 
@@ -81,12 +82,46 @@ def check_depths(md: Array) -> list[Finding]:
             values: dict[str, Value] = {"md_m": float(md[k]), "next_m": float(md[k + 1]), "station": k + 2}
             values["expected_m"] = float(there[0])
             return [Finding("run-depths-mixed", values, tuple(range(k + 1, len(md))), "refused")]
+    if step := _courses_in_feet(course):
+        values = {"md_m": float(md[step]), "next_m": float(md[step + 1]), "station": step + 2}
+        values["expected_m"] = float(md[step] + FOOT * course[step])
+        return [*found, Finding("run-depths-mixed", values, tuple(range(step + 1, len(md))))]
     found += _last_depth(md, course[:-1], float(course[-1]), usual)
     one = broken_habit(md)
     if one is None or found:
         return found
     values = {"course_m": one.usual, "md_m": float(md[one.k]), "expected_m": one.expected}
     return [Finding("run-depth-digit", values, tuple(range(one.k, len(md))) if one.onwards else (one.k,))]
+
+
+def _courses_in_feet(course: Array) -> int:
+    """The first of the courses that are as many feet as those before are metres; 0 without any."""
+    low, high = np.percentile(course, [20.0, 80.0])
+    short, long = (np.flatnonzero(np.abs(course / level - 1.0) < 0.05) for level in (low, high))
+    if abs(high / low * FOOT - 1.0) > 0.012 or min(len(short), len(long)) < 3:
+        return 0
+    both = len(short) + len(long)  # a station may lie between two, or be left out
+    return int(long[0]) if short[-1] < long[0] and both > 0.8 * len(course) else 0
+
+
+def check_vertical_depths(run: Run) -> list[Finding]:
+    """Courses are uneven as measured depths and even along the hole as true vertical ones."""
+    down, course = np.cos(run.inclination), np.diff(run.md)
+    down = 0.5 * (down[1:] + down[:-1])
+    if len(course) < 10 or (down < 0.02).any() or (course <= 0.0).any():
+        return []
+    uneven = [1.4826 * float(np.percentile(np.abs(x), 68.0)) for x in (_off(course), _off(course / down))]
+    ratio = len(course) * float(np.log(max(uneven[0], 0.003) / max(uneven[1], 0.003)))
+    if uneven[1] > 0.05 or ratio < np.log(1e4):
+        return []
+    values: dict[str, Value] = {"first_m": float(course[0]), "last_m": float(course[-1]), "log_ratio": ratio}
+    values["course_m"] = float(np.median(course / down))
+    return [Finding("run-depths-vertical", values, severity=refused_if(uneven[1] < 0.01 and ratio > np.log(1e10)))]
+
+
+def _off(course: Array) -> Array:
+    """Logarithms of courses about their median."""
+    return np.asarray(np.log(course) - np.median(np.log(course)))
 
 
 def _pipe(md: Array, course: Array) -> bool:
@@ -184,8 +219,9 @@ def check_repeats(run: Run) -> list[Finding]:
     values, md, axes = run.numbers(), run.md, run.g is not None and run.b is not None
     few = axes and len(np.unique(values, axis=0)) < 0.5 * len(values)  # noise-free readings of few attitudes
     same = (values[1:] == values[:-1]).all(axis=1)
-    if not axes:  # a section that is taken to be vertical is listed so at every depth
-        same &= run.inclination[1:] != 0.0
+    if not axes:  # a section that is taken to be vertical, or level in one direction, is listed so at every depth
+        whole = (np.abs(np.degrees(values) - np.round(np.degrees(values))) < 1e-6).all(axis=1)
+        same &= (run.inclination[1:] != 0.0) & ~(whole[1:] & (whole.mean() < 0.5))
     if same.any() and not same.all() and not few:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]]))).reshape(-1, 2)
         low, high = max(edges.tolist(), key=lambda one: one[1] - one[0])
@@ -199,7 +235,7 @@ def check_repeats(run: Run) -> list[Finding]:
         i, a = np.degrees(run.inclination), np.degrees(np.unwrap(run.azimuth))
         steps = np.delete(np.hypot(np.diff(i), np.diff(a) * np.sin(run.inclination[1:])), range(low, high))
         alone = count >= 3 and len(others) >= 5 and not others.any() and np.median(steps) > 0.25
-        if not axes and alone and scatter(i, md) + scatter(a, md) > 0.05:
+        if not axes and alone and scatter(i, md) + scatter(a, md) > 0.05 + last_digit(i) + last_digit(a):
             return [Finding("run-repeated", facts | {"what": "Inclination and azimuth"}, rows, refused_if(count >= 5))]
     block = copied_block(values, 2 if axes else 3)
     if block is not None and block.chance <= 1e-2 and not few and (axes or _not_planned(run, block)):
@@ -238,12 +274,46 @@ def _not_planned(run: Run, block: Block) -> bool:
 # Single stations and parts of a run.
 
 
-def check_stations(run: Run) -> list[Finding]:
+SHARPEST: Final = np.radians(60.0) / 30.0
+"""Bend of a hole, rad/m, above which a typing error is likelier; short-radius wells stay below."""
+
+
+def check_stations(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
+    if len(t) < 3:
+        return _sharp(run, t, sharpest)
     smooth = smoothness(run.md, t)
     found = _order(run, t, smooth) or [*(_parts(run, t, smooth) or _turn(run, t)), *_single(run, t, smooth)][:3]
-    return found or _outermost(run.md, t)
+    return found or _outermost(run.md, t) or _sharp(run, t, sharpest)
+
+
+def _sharp(run: Run, t: Array, sharpest: float) -> list[Finding]:
+    """A bend sharper than a hole's, and the reading without which the hole does not bend so."""
+    if run.g is not None:
+        return []
+    course, dogleg = np.diff(run.md), np.asarray(angle_between(t[1:], t[:-1]))
+    # an error of 3 deg bends stations that are close together
+    k = int(np.argmax(dogleg / course - np.radians(3.0) / course))
+    size = float(dogleg[k])
+    if size < sharpest * course[k] + np.radians(3.0):
+        return []
+    values: dict[str, Value] = {"severity": float(np.degrees(size / course[k]) * 30.0), "md_m": float(run.md[k])}
+    tried = []
+    for row in (k, k + 1) if 3 <= len(t) < 8 else ():
+        fits, likelier = misread_station(run, t, row, size)
+        if fits:
+            changed = t.copy()
+            changed[row] = directions(*(np.radians([fits[f"fits_{name}_deg"]]) for name in ("inclination", "azimuth")))
+            left = np.asarray(angle_between(changed[1:], changed[:-1]))[max(row - 1, 0) : row + 1]
+            tried += [(likelier, row, fits)] if left.max() < 0.25 * size else []
+    if not tried:
+        values |= {"next_m": float(run.md[k + 1]), "station": k + 2}
+        return [Finding("run-dogleg", values, (k, k + 1))]
+    likelier, row, fits = max(tried, key=lambda one: one[0])
+    usual = float(np.degrees(np.median(dogleg)))
+    values = {"station": row + 1, "md_m": float(run.md[row]), "off_deg": float(np.degrees(size)), "usual_deg": usual}
+    return [Finding("run-station-misread", values | {"log_ratio": likelier} | fits, (row,))]
 
 
 def _order(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:
@@ -319,19 +389,25 @@ def _single(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:
     return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
 
 
+PARTS: Final[Mapping[str, Callable[[Array, Array], tuple[Array, Array]]]] = {
+    "half a turn": lambda i, a: (i, a + np.pi),
+    "mirrored": lambda i, a: (i, -a),
+    "other quadrant": lambda i, a: (i, np.pi - a),
+    "other end": lambda i, a: (np.pi - i, a),
+    "grads": lambda i, a: (0.9 * i, 0.9 * a),
+}
+"""Mistake of a part of a run -> its inclinations and azimuths without it."""
+
+
 def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:
-    """Jumps of the azimuth behind which the run goes on smoothly in another convention: a wrong quadrant."""
+    """Jumps where the run continues smoothly in another convention: a wrong quadrant, the other sign of a dip."""
     dogleg, course = angle_between(t[1:], t[:-1]), np.diff(run.md)
     # what a whipstock or a turn does in a course stays below this
     allowed = np.maximum(np.radians(12.0), np.radians(0.5) * course) + 6.0 * max(float(np.median(dogleg)), FINEST)
     jumps = np.flatnonzero(dogleg > allowed)
     best: tuple[float, str, Index] | None = None
-    for mistake, azimuth in (
-        (("half a turn", run.azimuth + np.pi), ("mirrored", -run.azimuth), ("other quadrant", np.pi - run.azimuth))
-        if len(jumps) and len(t) >= 6
-        else ()
-    ):
-        other = directions(run.inclination, azimuth)
+    for mistake, without in PARTS.items() if len(jumps) and len(t) >= 6 else ():
+        other = directions(*without(run.inclination, run.azimuth))
         turned = _turned(t, other)
         if not 2 <= turned.sum() <= len(t) - 2:
             continue
@@ -347,10 +423,15 @@ def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:
         return []
     ratio, mistake, rows = best
     k = int(jumps[dogleg[jumps].argmax()])
-    values: dict[str, Value] = {"turn_deg": float(np.degrees(dogleg[k])), "md_m": float(run.md[k])}
-    values |= {"next_m": float(run.md[k + 1]), "count": len(rows), "mistake": mistake, "log_ratio": ratio}
-    values |= {"first_m": float(run.md[rows[0]]), "last_m": float(run.md[rows[-1]])}
-    return [Finding("run-azimuth-part", values, tuple(rows.tolist()), "refused")]
+    return [_part(run.md, k, float(dogleg[k]), mistake, rows, ratio)]
+
+
+def _part(md: Array, k: int, turn: float, mistake: str, rows: Index, ratio: float) -> Finding:
+    """The finding of rows in another convention, whose edge turns by so much, rad, in course k."""
+    values: dict[str, Value] = {"turn_deg": float(np.degrees(turn)), "md_m": float(md[k])}
+    values |= {"next_m": float(md[k + 1]), "count": len(rows), "mistake": mistake, "log_ratio": ratio}
+    values |= {"first_m": float(md[rows[0]]), "last_m": float(md[rows[-1]])}
+    return Finding("run-part", values, tuple(rows.tolist()), refused_if(ratio > np.log(1e3)))
 
 
 def _turned(t: Array, other: Array) -> Mask:
@@ -376,14 +457,30 @@ def _turn(run: Run, t: Array) -> list[Finding]:
             continue
         beyond = float(dogleg[k]) - float(np.delete(rate[max(k - 2, 0) : k + 3], min(k, 2)).max() * course[k])
         inclination = np.arctan2(np.hypot(t[k : k + 2, 0], t[k : k + 2, 1]), t[k : k + 2, 2])
-        short = abs(inclination[1] - inclination[0]) > 0.5 * dogleg[k]  # a build of short radius, else a wedge
-        if beyond < max(np.radians(4.0), np.radians(65.0 if short else 7.0) / 30.0 * course[k], 12.0 * noise):
+        builds = abs(inclination[1] - inclination[0]) > 0.5 * dogleg[k]
+        # a build of short radius begins upright or ends level, where a course holds all of it
+        above, below = np.degrees(inclination)
+        whole = below > above + 45.0 and (above < 10.0 or 80.0 < below < 100.0)
+        usual = 65.0 if whole else 10.0 if builds else 7.0
+        if beyond < max(np.radians(4.0), np.radians(usual) / 30.0 * course[k], 12.0 * noise):
             continue
         if min(angle_between(t[a], t[b]) for a, b in ((k - 1, k + 1), (k, k + 2))) > 0.5 * dogleg[k]:
             found.append((float(dogleg[k]), k))
     if not found:
         return []
     size, k = max(found)
+    tried = list[tuple[float, str, Index]]()
+    near = slice(k - 1, k + 3)
+    for mistake, without in PARTS.items():
+        for rows in (np.arange(k + 1, len(t)), np.arange(k + 1)):
+            changed = t.copy()
+            changed[rows] = directions(*without(run.inclination[rows], run.azimuth[rows]))
+            tried.append((float(np.nanmax(smoothness(md[near], changed[near]).residual)), mistake, rows))
+    left, mistake, rows = min(tried, key=lambda one: one[0])
+    now = float(np.nanmax(smoothness(md[near], t[near]).residual))
+    ratio = 2.0 * float(np.log(now / max(left, noise))) - float(np.log(len(tried)))
+    if ratio > np.log(10.0):
+        return [_part(md, k, size, mistake, rows, ratio)]
     usual = float(np.degrees(max(float(np.median(dogleg)), FINEST)))
     values: dict[str, Value] = {"turn_deg": float(np.degrees(size)), "usual_deg": usual}
     return [Finding("run-turn", values | {"md_m": float(md[k]), "next_m": float(md[k + 1])}, (k, k + 1))]

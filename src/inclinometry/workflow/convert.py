@@ -18,6 +18,7 @@ from inclinometry.errors import FileError, InclinometryError, in_file, not_among
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
 from inclinometry.files.frame import Column
+from inclinometry.files.not_read import kind_not_read
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding
@@ -41,7 +42,7 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
         "parquet": Format((".parquet", ".pq"), "files.six_axis:read_parquet", "files.parquet:write_parquet"),
         "las": Format((".las",), "files.six_axis:read_las", "files.las:write_las"),
         "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "files.witsml:write_witsml"),
-        "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
+        "p7": Format((".p7", ".p717"), "files.p7:read_p7_survey", "workflow.convert_formats:write_p7"),
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
         ),
@@ -89,7 +90,8 @@ def format_of(path: str | Path, name: str | None = None, option: str = "--from")
     if found is None and option == "--from" and ending in TABLES:
         return "csv"
     if found is None:
-        raise FileError(Finding("work-format", {"option": option, "known": tuple(known)}), path=path)
+        unknown = Finding("work-format", {"option": option, "known": tuple(known)})
+        raise FileError((option == "--from" and kind_not_read(Path(path))) or unknown, path=path)
     return found
 
 

@@ -2,46 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from inclinometry.errors import FileError
 from inclinometry.files import p7, wits0
-from inclinometry.files.frame import unused
 from inclinometry.files.survey_file import SurveyFile
 from inclinometry.findings import Finding
-
-
-def read_p7(
-    path: str | Path,
-    *,
-    convention: str = "iscwsa",
-    depth_unit: str | None = None,
-    azimuth_reference: str | None = None,
-    sheet: str | None = None,
-) -> SurveyFile:
-    """One survey of a P7/17 file, by its number (`sheet`) where there are several; else as `files.p7.read_p7`.
-
-    Raises
-    ------
-    FileError
-        Several surveys and no number, no survey of that number; else as `files.p7.read_p7`.
-    """
-    found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
-    numbers = tuple(map(str, found.surveys))
-    if sheet is None and len(found.surveys) > 1:
-        raise FileError(Finding("file-surveys", {"names": numbers}), path=path)
-    wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
-    survey = next(wanted, None)
-    if survey is None:
-        raise FileError(
-            Finding("input-choice", {"name": "--sheet", "value": sheet or "", "allowed": numbers}), path=path
-        )
-    raw = ("M7", "G7")
-    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
-    if not others:
-        return survey
-    return replace(survey, findings=(*survey.findings, *unused(others)))
 
 
 def write_p7(file: SurveyFile, path: str | Path) -> None:

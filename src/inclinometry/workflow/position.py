@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import FileError, InputError, SiteError, in_file, refused, settled
 from inclinometry.files.errors_json import read_errors
-from inclinometry.files.position_csv import Listed, WellStations, read_well
+from inclinometry.files.position_csv import Listed, WellStations, read_tie, read_well
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.text import Progress
@@ -24,12 +25,13 @@ from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value
 from inclinometry.position.certificate import with_terms
-from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate
+from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate_runs
+from inclinometry.position.propagation import Run as ToolRun
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
-from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.survey.run import Run
@@ -37,6 +39,28 @@ from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, declination_doubts
+from inclinometry.workflow.well_runs import Piece, one_well
+
+
+class RunFiles(NamedTuple):
+    """Files of a run, as the parameters of `read_position`."""
+
+    survey: str | Path
+    tool_code: str | Path | None = None
+    tool: str | Path | None = None
+    raw: str | Path | None = None
+    corrections: str | Path | None = None
+    errors: str | Path | None = None
+
+
+class RunSpan(NamedTuple):
+    """A stretch of a well: the file of its run, from and to, m, stations, tool code."""
+
+    file: str
+    from_m: float
+    to_m: float
+    stations: int
+    tool_code: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +69,7 @@ class WellPosition:
 
     azimuth_reference : the north the file's azimuths count from.
     tool_code, calibration : the error model, or the name of the tool whose certificate it is.
+    runs : the stretches of a well of several runs.
     """
 
     path: WellPath
@@ -55,6 +80,7 @@ class WellPosition:
     calibration: str | None = None
     inputs: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    runs: tuple[RunSpan, ...] = ()
 
     @property
     def told(self) -> dict[str, Any]:
@@ -72,7 +98,10 @@ def read_position(
     corrections: str | Path | None = None,
     errors: str | Path | None = None,
     *,
+    below: Sequence[RunFiles] = (),
+    parameters: Mapping[str, float] = MappingProxyType({}),
     age: Age = Age(),  # noqa: B008
+    tie_from: str | Path | None = None,
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
     north: str | None = None,
@@ -97,6 +126,12 @@ def read_position(
         corrections.json of the multi-station analysis that the survey was corrected with.
     errors : str or Path, optional
         errors.json of the gyro run that the survey is: the error model of its angles.
+    below : sequence of RunFiles
+        Further runs of the well: each replaces those before it between its first and its last station.
+    parameters : mapping
+        Parameters of the tool codes; see `load_tool_code`.
+    tie_from : str or Path, optional
+        position.csv of the well that this one continues or leaves: position and covariance of the first station.
     age : Age
         Of the calibration at the run; a year where nothing tells it.
     tie_on, tie_sigma : (3,) float, optional
@@ -112,72 +147,157 @@ def read_position(
     InputError, FileError
         As the readers; a survey that cannot be true; a site that lacks what the norths or the error model need.
     """
-    stations = read_well(survey, progress=progress)
+    runs = [RunFiles(survey, tool_code, tool, raw, corrections, errors), *below]
+    wells = [read_well(one.survey, progress=progress) for one in runs]
     site, said = completed(Site() if site_path is None else read_site(site_path))
-    code = None if tool_code is None else load_tool_code(tool_code)
-    calibration = None
-    if tool is not None:
-        calibration, old = at_the_run(read_calibration(tool), tool, site, age, otherwise=1.0)
-        said = [*said, *old]
-    channels = None if raw is None else read_raw_survey(raw)
-    correction, warned = _stored(corrections, tool, calibration, channels, site)
-    checked = check_run(Run(stations.md, stations.inclination, stations.azimuth))
-    findings = settled(checked, ignored, stations.path)
-    grid_or_true = "grid" if stations.azimuth_reference == "grid" else "true"
-    target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
+    codes = [None if one.tool_code is None else load_tool_code(one.tool_code, parameters) for one in runs]
+    checked: list[Finding] = []
+    for one in wells:
+        checked += settled(check_run(Run(one.md, one.inclination, one.azimuth)), ignored, one.path)
+    target = north or site.north_reference
+    if target == "magnetic":
+        target = "grid" if {one.azimuth_reference for one in wells} == {"grid"} else "true"
     try:
+        stations, pieces, joined = one_well(wells, site, target)
         # the path from the north of the results, and the survey as the error model sees it
-        start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
+        start, tie, untied = _start(stations, target, tie_on, tie_sigma, tie_from)
         turned = convert_azimuth(stations.azimuth, stations.azimuth_reference, target, site)
         path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
-        tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
         angles = (stations.md, stations.inclination, stations.azimuth)
         well = well_survey(*angles, site, stations.azimuth_reference, tvd=path.tvd, north=target, tie=tie)
+    except FileError:
+        raise
     except InputError as error:
         raise _of_site(error, site_path) from None
-    model: _Model = ((), code, [])
+    findings = (*checked, *settled(joined, ignored))
     try:
-        if calibration is not None:
-            model = calibration_error_model(calibration, well, stations, channels, code, correction)
-        if errors is not None:
-            model = _of_run(read_errors(errors), well, code)
-        sources, code, of_model = model
-        uncertainty = propagate(well, code, sources) if code is not None or sources else None
+        uncertainty, used, name, of_model = _uncertainty(runs, codes, well, stations, pieces, age)
     except FileError:
         raise
     except SiteError as error:
         raise _of_site(error, site_path) from None
     except InputError as error:
         # a mistake in the whole run explains what a formula says of one station
-        raise in_file(refused(findings[0].code, findings[0].values) if findings else error, stations.path) from None
-    said = [
-        *stations.findings,
-        *warned,
-        *said,
-        *_of_start(stations, tie_on),
-        *_against_listed(stations, site),
-        *declination_doubts(site),
-    ]
-    said += [] if findings else _sharp(stations, path)
+        raise in_file(refused(checked[0].code, checked[0].values) if checked else error, stations.path) from None
+    said = [*stations.findings, *said, *untied]
+    for one in wells:
+        said += _against_listed(one, site)
+    said += declination_doubts(site)
+    if site.date is not None and site.date.year < 1978:  # the first measurement while drilling
+        mwd = [one for one in codes if one is not None and "mwd" in one.name.lower()]
+        said += [Finding("work-code-date", {"code": one.name, "date": str(site.date)}) for one in mwd]
     said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
-    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
-    files |= {"corrections": corrections, "errors": errors}
-    read = {name: file for name, file in files.items() if file is not None and Path(file).is_file()}
-    name = None if calibration is None else calibration.tool.name
+    inputs = {}
+    for number, (files, one) in enumerate(zip(runs, wells, strict=True), 1):
+        prefix = f"run {number}: " if below else ""
+        shared = {"site": site_path, "tie": tie_from} if number == 1 else {}
+        read = {prefix + name.replace("_", " "): file for name, file in files._asdict().items()} | shared
+        inputs |= {name: digest_file(file) for name, file in read.items() if file is not None and Path(file).is_file()}
+        inputs[f"{prefix}survey"] = one.digest
+    spans = [
+        RunSpan(
+            Path(runs[k].survey).name, float(well.md[i]), float(well.md[j]), j - i + 1, str(runs[k].tool_code or "")
+        )
+        for i, j, k in pieces
+    ]
     return WellPosition(
         path,
         well,
         uncertainty,
-        stations.azimuth_reference,
-        code,
-        "the tool" if name in ("", "unnamed") else name,
-        {"survey": stations.digest} | {name: digest_file(file) for name, file in read.items()},
+        ", ".join(dict.fromkeys(one.azimuth_reference for one in wells)),
+        _all_codes(used),
+        name,
+        inputs,
         (*findings, *said),
+        tuple(spans) if below else (),
     )
 
 
 _Model: TypeAlias = tuple[Sequence[MatrixSource], ToolCode | None, list[Finding]]
 """Sources of error, the tool code beside them, findings."""
+
+
+def _uncertainty(
+    runs: Sequence[RunFiles],
+    codes: Sequence[ToolCode | None],
+    well: WellSurvey,
+    stations: WellStations,
+    pieces: Sequence[Piece],
+    age: Age,
+) -> tuple[PositionUncertainty | None, list[ToolCode], str | None, list[Finding]]:
+    """Uncertainty by the error models of all runs, with tool codes, names of calibrated tools and findings."""
+    if not any(map(_modelled, runs)):
+        return None, [], None, []
+    parts: list[ToolRun] = []
+    said: list[Finding] = []
+    names: list[str] = []
+    for first, last, number in pieces:
+        if not _modelled(runs[number]):
+            needed = ("--tool-code | --calibration | --errors",)
+            raise refused("input-needs", {"name": Path(runs[number].survey).name, "needed": needed})
+        sources, code, name, more = _model(runs[number], codes[number], well, stations, (first, last, number), age)
+        parts.append(ToolRun(first, last, code, sources, number=number + 1))
+        said += [one for one in more if one not in said]
+        names += [] if name is None or name in names else [name]
+    used = [one.code for one in parts if one.code is not None]
+    return propagate_runs(well, parts), used, ", ".join(names) or None, said
+
+
+def _modelled(run: RunFiles) -> bool:
+    return any(one is not None for one in (run.tool_code, run.tool, run.errors))
+
+
+def _model(
+    run: RunFiles, code: ToolCode | None, well: WellSurvey, stations: WellStations, piece: Piece, age: Age
+) -> tuple[Sequence[MatrixSource], ToolCode | None, str | None, list[Finding]]:
+    """Error model of a stretch of a well: sources, tool code, name of the calibrated tool, findings."""
+    first, last, _ = piece
+    model: _Model = ((), code, [])
+    said: list[Finding] = []
+    name = None
+    # depths are written to the centimetre; a run that is not the whole well may have stations that others replace
+    low, high = float(well.md[first]) - 0.005, float(well.md[last]) + 0.005
+    part = last - first + 1 < len(well)
+    if run.tool is not None:
+        calibration, said = at_the_run(read_calibration(run.tool), run.tool, well.site, age, otherwise=1.0)
+        raw = None if run.raw is None else read_raw_survey(run.raw)
+        correction, warned = _stored(run.corrections, run.tool, calibration, raw, well.site)
+        raw = raw.between(low, high) if raw is not None and part else raw
+        model = calibration_error_model(calibration, well, stations, raw, code, correction)
+        said = [*said, *warned]
+        name = "the tool" if calibration.tool.name in ("", "unnamed") else calibration.tool.name
+    if run.errors is not None:
+        errors = read_errors(run.errors)
+        model = _of_run(errors.between(low, high) if part else errors, well, code)
+    sources, code, more = model
+    said += more if code is None else [*more, *code.findings]
+    if code is not None and code.east_west_exclusion:
+        rows = slice(first, last + 1)
+        magnetic = convert_azimuth(well.true_azimuth[rows], "true", "magnetic", well.site)
+        across = np.abs(np.sin(well.inclination[rows]) * np.sin(magnetic))
+        near = np.flatnonzero(across > np.cos(code.east_west_exclusion))
+        if near.size:
+            where: dict[str, Value] = {
+                "code": code.name,
+                "count": int(near.size),
+                "md_m": float(well.md[first + near[0]]),
+            }
+            said.append(Finding("work-east-west", where | {"limit_deg": float(np.degrees(code.east_west_exclusion))}))
+    return sources, code, name, said
+
+
+def _all_codes(codes: Sequence[ToolCode]) -> ToolCode | None:
+    """The tool codes of several runs as a report describes them."""
+    by_name = {one.name: one for one in codes}
+    if len(by_name) < 2:
+        return next(iter(by_name.values()), None)
+    texts = {
+        name: "; ".join(dict.fromkeys(getattr(one, name) for one in by_name.values()))
+        for name in ("name", "source", "revision", "description")
+    }
+    terms = {term.name: term for one in by_name.values() for term in one.terms}
+    parameters = {name: value for one in by_name.values() for name, value in one.parameters.items()}
+    return replace(codes[0], **texts, terms=tuple(terms.values()), parameters=parameters, continuous_above=0.0)
 
 
 def _stored(
@@ -197,12 +317,22 @@ def _stored(
     return matching_correction(path, calibration.tool.name, inputs, seen)
 
 
-def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[Finding]:
-    """Where the path begins where nothing says it."""
-    said = []
-    if tie_on is None and stations.md[0] > 0.0:
-        said.append(Finding("work-no-tie", {"md_m": float(stations.md[0])}, severity="note"))
-    return said
+def _start(
+    stations: WellStations,
+    north: str,
+    tie_on: tuple[float, float, float] | None,
+    tie_sigma: tuple[float, float, float] | None,
+    tie_from: str | Path | None,
+) -> tuple[tuple[float, float, float], Array | None, list[Finding]]:
+    """Position of the first station, its covariance, and that neither was given."""
+    first = float(stations.md[0])
+    if tie_from is not None:
+        return *read_tie(tie_from, first, north), []
+    tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
+    if tie_on is not None or stations.start is not None:
+        return tie_on or stations.start or (0.0, 0.0, first), tie, []
+    said = [Finding("work-no-tie", {"md_m": first}, severity="note")] if first > 0.0 else []
+    return (0.0, 0.0, first), tie, said
 
 
 def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
@@ -312,15 +442,3 @@ def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
         if (off > allowed).any() and (back <= allowed).all() and back.max() < 0.25 * off.max():
             return there.tolist()
     return found
-
-
-def _sharp(stations: WellStations, path: WellPath) -> list[Finding]:
-    """A bend sharper than a hole's, where nothing else was found."""
-    severity = dogleg_severity_deg(path)
-    # deg/30 m above which a typing error is likelier than a hole; short-radius wells stay below, and so does what an
-    # error of 3 deg makes of stations close together
-    row = 1 + int(np.argmax(severity[1:] - 90.0 / np.diff(stations.md)))
-    if severity[row] - 90.0 / (stations.md[row] - stations.md[row - 1]) <= 60.0:
-        return []
-    where = {"severity": float(severity[row]), "md_m": float(stations.md[row]), "line": int(stations.lines[row])}
-    return [Finding("work-dogleg", where, (row,))]

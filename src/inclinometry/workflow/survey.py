@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cel
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
@@ -121,7 +122,7 @@ def survey_file(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
-        return replace(done, survey=_flag_overruled_checks(done.survey))
+        return replace(done, survey=_judged_whole(done.survey, calibrated=False))
     if convention is not None or form not in (None, "csv"):
         raise refused("input-not-with", {"name": "--from, --convention", "other": "--calibration"})
     place, said = (None, list[Finding]()) if site is None else completed(read_site(site))
@@ -132,7 +133,7 @@ def survey_file(
     said += [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     findings = settled(check_run(_run(data, found, record, second)), ignored, raw)
-    found = _flag_overruled_checks(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
+    found = _judged_whole(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
     return SixAxisSurvey(found, place or Site(), judged)
 
@@ -145,11 +146,55 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     return calibrated_run(raw, record.tool)
 
 
-def _flag_overruled_checks(found: Survey) -> Survey:
-    """The survey with a flag at every station where a finding was ignored."""
+def _judged_whole(found: Survey, *, calibrated: bool = True) -> Survey:
+    """The survey without the angles of channels that failed; what is wrong with the run as a whole comes first.
+
+    An uncorrected magnetic field is ordinary where fields are read without a calibration.
+    """
+    found = _without_frozen(found)
     if any(one.severity == "ignored" for one in found.findings):
         return replace(found, flags=[[*row, "overruled"] for row in found.flags])
-    return found
+    return _most_off(found, tuple(_OFF) if calibrated else ("g",))
+
+
+def _without_frozen(found: Survey) -> Survey:
+    """The survey without the angles that rest on a channel of one value, and their uncertainties."""
+    failed = [one for one in found.findings if one.code == "sensor-frozen" and one.severity != "ignored"]
+    names = ("inclination", "azimuth", "toolface", "magnetic_toolface")
+    gone = np.zeros((len(found), len(names)), dtype=np.bool_)
+    for one in failed:
+        gone[np.ix_(one.rows, range(4) if one.values["sensor"] == VECTORS[0] else (1, 3))] = True
+    if not failed:
+        return found
+    kept = {name: np.where(gone[:, k], np.nan, getattr(found, name)) for k, name in enumerate(names)}
+    parts = {name: np.where(gone, np.nan, part) for name, part in found.components.items()}
+    flags = [[*row, "channel"] if off else row for row, off in zip(found.flags, gone.any(axis=1), strict=True)]
+    rows = set(np.flatnonzero(gone.any(axis=1)).tolist())
+    said = tuple(one for one in found.findings if one.code != "survey-flagged" or not rows.issuperset(one.rows))
+    return replace(found, **kept, components=parts, flags=flags, findings=said)
+
+
+def _most_off(found: Survey, judged: Sequence[str]) -> Survey:
+    """The survey with one finding, the first, where most stations are out of tolerance."""
+    off = [one for one in found.findings if one.code == "survey-flagged" and one.values["flag"] in judged]
+    off = [one for one in off if 2 * len(one.rows) > len(found) >= 4]
+    if not off:
+        return found
+    causes = tuple(dict.fromkeys(_OFF[str(one.values["flag"])][1] for one in off))
+    rows = tuple(sorted({row for one in off for row in one.rows}))
+    values: dict[str, Value] = {"count": len(rows), "total": len(found), "causes": causes}
+    values["quantities"] = tuple(_OFF[str(one.values["flag"])][0] for one in off)
+    rest = [one for one in found.findings if one not in off]
+    return replace(found, findings=(Finding("survey-most-off", values, rows), *rest))
+
+
+_OTHER_SITE: Final = "the site is another one, or the field is disturbed"
+_OFF: Final = {
+    "g": ("gravity", "the calibration is of another tool, or no longer right"),
+    "b": ("magnetic field", _OTHER_SITE),
+    "dip": ("dip", _OTHER_SITE),
+}
+"""Flag -> quantity out of tolerance, and why it is so at most stations."""
 
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:
