@@ -31,7 +31,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
-from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.survey.run import Run
@@ -183,8 +183,9 @@ def read_position(
     for one in wells:
         said += _against_listed(one, site)
     said += declination_doubts(site)
-    for one in () if findings else wells:
-        said += _sharp(one, minimum_curvature(one.md, one.inclination, one.azimuth) if below else path)
+    if site.date is not None and site.date.year < 1978:  # the first measurement while drilling
+        mwd = [one for one in codes if one is not None and "mwd" in one.name.lower()]
+        said += [Finding("work-code-date", {"code": one.name, "date": str(site.date)}) for one in mwd]
     said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
     inputs = {}
     for number, (files, one) in enumerate(zip(runs, wells, strict=True), 1):
@@ -328,8 +329,8 @@ def _start(
     if tie_from is not None:
         return *read_tie(tie_from, first, north), []
     tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-    if tie_on is not None:
-        return tie_on, tie, []
+    if tie_on is not None or stations.start is not None:
+        return tie_on or stations.start or (0.0, 0.0, first), tie, []
     said = [Finding("work-no-tie", {"md_m": first}, severity="note")] if first > 0.0 else []
     return (0.0, 0.0, first), tie, said
 
@@ -441,15 +442,3 @@ def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
         if (off > allowed).any() and (back <= allowed).all() and back.max() < 0.25 * off.max():
             return there.tolist()
     return found
-
-
-def _sharp(stations: WellStations, path: WellPath) -> list[Finding]:
-    """A bend sharper than a hole's, where nothing else was found."""
-    severity = dogleg_severity_deg(path)
-    # deg/30 m above which a typing error is likelier than a hole; short-radius wells stay below, and so does what an
-    # error of 3 deg makes of stations close together
-    row = 1 + int(np.argmax(severity[1:] - 90.0 / np.diff(stations.md)))
-    if severity[row] - 90.0 / (stations.md[row] - stations.md[row - 1]) <= 60.0:
-        return []
-    where = {"severity": float(severity[row]), "md_m": float(stations.md[row]), "line": int(stations.lines[row])}
-    return [Finding("work-dogleg", where, (row,))]
