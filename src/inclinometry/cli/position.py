@@ -76,7 +76,8 @@ def position(
     Parameters
     ----------
     survey
-        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
+        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference. Without angles: north, east and
+        tvd, or x (east), y (north) and z (elevation or depth); angles are then computed and written.
     more
         Further runs of the well. Between its first and last station a run replaces those named before it.
     output_
@@ -108,7 +109,7 @@ def position(
     sources
         Write each error source at each station as CSV.
     every
-        Also write points at this interval, m, with their covariance.
+        Also write points at this interval, m, with their angles and covariance.
     section_azimuth
         Also write the vertical section along this azimuth, from north 0, east 0.
     feet
@@ -212,7 +213,12 @@ def _write(
     more = {**found.told, "section": shown["section"]}
     with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **more):
         path = found.path if every is None else positions_every(found.path, every)
-        points = {**shown, "stations": None if every is None else found.path.md}
+        computed = any(one.code == "readings-through-positions" for one in found.findings)
+        points = {
+            **shown,
+            "stations": None if every is None else found.path.md,
+            "angles": computed or every is not None,
+        }
         if target is not None:
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
             write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)

@@ -26,7 +26,7 @@ from inclinometry.files.text import NULLS, NumberReader, Progress
 from inclinometry.findings import Finding, Value
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.well import hole_sigmas, horizontal_ellipse
-from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
+from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg, through_positions
 from inclinometry.survey.path import Path as WellPath
 
 COVARIANCES: Final = ("cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev")
@@ -55,6 +55,7 @@ class WellStations:
 
     md : (n,) m, increasing. inclination, azimuth : (n,) rad, from the north `azimuth_reference`. temperature : degC.
     toolface : (n,) rad, NaN where the file is silent; None without a column. lines, digest : as in `Frame`.
+    start : north, east, tvd, m, of the first station, where the file is positions alone.
     listed : columns of positions in the file. unread : those that have no unit of length, or are no numbers.
     findings : as in `Frame`; rows without inclination and azimuth, which are no stations.
     """
@@ -71,6 +72,7 @@ class WellStations:
     listed: tuple[Listed, ...] = ()
     unread: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    start: tuple[float, float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.md)
@@ -79,7 +81,8 @@ class WellStations:
 def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStations:
     """Read `md_m` (or `md_ft`), `inclination_deg`, `azimuth_deg`, `azimuth_reference`; a survey file has them all.
 
-    Rows that have neither inclination nor azimuth are left out: logs say so of depths that were not surveyed.
+    Rows that have neither inclination nor azimuth are left out: logs say so of depths that were not surveyed. A file
+    without these columns that has north, east and tvd, or x, y and z, is a path through positions.
 
     Raises
     ------
@@ -103,6 +106,8 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     names, gaps = (*SURVEY, *used, *_LISTED), [*others, "temperature_degC", *_LISTED]
     table = read_table(path, progress, numeric=numbers_among(names), gaps=gaps)
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
+    if "inclination_deg" not in table and "azimuth_deg" not in table and (axes := _axes(table)):
+        return _through(table, *axes)
     table.require(("inclination_deg", "azimuth_deg"))
     empty = np.isnan(table.number("inclination_deg")) & np.isnan(table.number("azimuth_deg"))
     findings = list(table.findings)
@@ -167,7 +172,59 @@ def _reference(table: Frame) -> str:
     return cells[0]
 
 
-def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
+def _axes(table: Frame) -> list[Listed] | None:
+    """North, east and vertical of a file that is positions alone; None where one is missing."""
+    found = {one.axis: one for one in reversed(_listed(table, alone=True)[0])}
+    vertical = found.get("tvd", found.get("z"))
+    axes = (found.get("north"), found.get("east"), vertical)
+    return [one for one in axes if one is not None] if all(one is not None for one in axes) else None
+
+
+def _through(table: Frame, north: Listed, east: Listed, vertical: Listed) -> WellStations:
+    """The stations of a file of positions, their angles those of the arcs through them."""
+    up = vertical.axis == "z" and vertical.values[-1] < vertical.values[0]
+    down = Listed("tvd", vertical.name, -vertical.values if up else vertical.values)
+    points = np.stack([north.values, east.values, down.values], axis=1)
+    if len(points) < 3:
+        raise table.error(Finding("input-few", {"name": "stations", "count": len(points), "least": 3}))
+    if np.isnan(points).any():
+        row, axis = (int(x[0]) for x in np.nonzero(np.isnan(points)))
+        raise table.error(Finding("input-empty", {"name": (north, east, vertical)[axis].name}), row)
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if not apart.all():
+        row = int(np.argmin(apart)) + 1
+        raise table.error(Finding("input-repeated", {"name": north.name, "value": float(points[row, 0])}), row)
+    digits = ((unit * 10.0**-n) for n in range(5) for unit in (FOOT, 1.0))
+    exact = (one for one in digits if (np.abs(points / one - np.round(points / one)) < 1e-4).all())
+    resolution = next(exact, 1e-4)  # finer ones are as well met
+    length, inclination, azimuth = through_positions(points, resolution)
+    depths = "md_m" in table or "md_ft" in table
+    if depths:
+        name, md = table.depth()
+        check_increasing(table, name, table.number(name))
+    else:
+        first = max(float(points[0, 2]), 0.0) if vertical.axis == "tvd" else 0.0
+        md = first + np.concatenate([[0.0], np.cumsum(length)])
+    said: dict[str, Value] = {"names": (north.name, east.name, vertical.name), "resolution_m": resolution}
+    said["vertical"] = "elevation" if up else "depth"
+    return WellStations(
+        frozen(md),
+        frozen(inclination),
+        frozen(azimuth),
+        _reference(table),
+        None,
+        None,
+        table.lines,
+        table.path,
+        table.digest,
+        (north, east, down),
+        (),
+        (*table.findings, Finding("readings-through-positions", said, severity="note")),
+        tuple(points[0].tolist()),
+    )
+
+
+def _listed(table: Frame, alone: bool = False) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     """Columns of positions, and the names of those that cannot be read; nothing of the path depends on them."""
     found: list[Listed] = []
     unread: list[str] = []
@@ -180,7 +237,7 @@ def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
         if not isinstance(cells, tuple) or not any(cells):
             continue
         try:
-            what = listed_axis(name, profile.units)
+            what = listed_axis(name, profile.units, alone)
             if what is None:
                 continue
             reader = NumberReader(table.path)
@@ -250,13 +307,14 @@ def position_columns(
     *,
     section: float | None = None,
     stations: Array | None = None,
+    angles: bool = False,
     feet: bool = False,
 ) -> dict[str, Array | str | list[str]]:
     """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty.
 
     section : azimuth of the vertical section, rad, a column more; from north 0, east 0.
     stations : measured depths of the stations of a path that has points between them, a column more.
-    feet : lengths in ft, dogleg in deg/100 ft.
+    angles : inclination and azimuth as well. feet : lengths in ft, dogleg in deg/100 ft.
     """
     found: dict[str, Array | str | list[str]] = {
         "md_m": path.md,
@@ -278,6 +336,8 @@ def position_columns(
     found["north_reference"] = north
     if section is not None:
         found["section_m"] = path.north * np.cos(section) + path.east * np.sin(section)
+    if angles:
+        found |= {"inclination_deg": writing.degrees(path.inclination), "azimuth_deg": writing.degrees(path.azimuth)}
     if stations is not None:
         found["point"] = np.where(np.isin(path.md, stations), "station", "between").tolist()
     return _in_feet(found) if feet else found

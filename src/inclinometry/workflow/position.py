@@ -329,8 +329,8 @@ def _start(
     if tie_from is not None:
         return *read_tie(tie_from, first, north), []
     tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-    if tie_on is not None:
-        return tie_on, tie, []
+    if tie_on is not None or stations.start is not None:
+        return tie_on or stations.start or (0.0, 0.0, first), tie, []
     said = [Finding("work-no-tie", {"md_m": first}, severity="note")] if first > 0.0 else []
     return (0.0, 0.0, first), tie, said
 
