@@ -105,7 +105,7 @@ def _courses_in_feet(course: Array) -> int:
 
 
 def check_vertical_depths(run: Run) -> list[Finding]:
-    """Courses are uneven as measured depths and even along the hole as true vertical ones."""
+    """Courses uneven as measured depths and even along the hole as true vertical depths."""
     down, course = np.cos(run.inclination), np.diff(run.md)
     down = 0.5 * (down[1:] + down[:-1])
     if len(course) < 10 or (down < 0.02).any() or (course <= 0.0).any():
