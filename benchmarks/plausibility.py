@@ -25,9 +25,10 @@ from inclinometry.calibration.plausibility import check_whole, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, settled
 from inclinometry.files.bench_csv import saturation
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
+from inclinometry.survey.holes import check_holes
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
 
@@ -749,6 +750,73 @@ def _columns(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
     return [np.array([float(row[name]) for row in rows]) for name in names]
 
 
+# Tables of drill holes.
+
+
+def holes(seed: int) -> dict[str, Run]:
+    """A right table of holes: planned or measured collars, compass or gyro, wedges, up and down, few shots or many."""
+    r = np.random.default_rng([seed, 3])
+    spacing, digits = float(r.choice([3.0, 6.0, 10.0, 25.0, 30.0, 50.0])), int(r.choice([0, 1, 1, 2]))
+    noise, heading = r.choice([0.03, 0.1, 0.3]), r.choice([0.1, 0.5, 1.5])
+    design, away = r.uniform(0.0, 45.0), r.uniform(0.0, 360.0)
+    fan = spacing < 10.0 and r.random() < 0.4
+    found = {}
+    for k in range(r.integers(2, 30)):
+        md = np.arange(int(r.choice([1, 2, 3, 4, 8, 20, 40]))) * spacing + (0.0 if r.random() < 0.7 else spacing)
+        i = (r.uniform(0.0, 150.0) if fan else design + r.normal(0.0, 5.0)) + r.normal(0.0, 1.5) * md / 30.0 * 0.5
+        a = away + r.normal(0.0, 10.0) + r.normal(0.0, 1.5) * md / 30.0 * 0.5
+        if r.random() < 0.1 and md.size > 2:  # a wedge
+            i = i + np.where(md > md[md.size // 2], r.uniform(-3.0, 3.0), 0.0)
+        i = i + noise * r.normal(size=md.size)
+        a = a + heading * r.normal(size=md.size)
+        if r.random() < 0.5:  # the collar as it was set out
+            i[0], a[0] = i[0] + r.normal(0.0, 1.0), a[0] + r.normal(0.0, 2.0)
+        turned, i = i < 0.0, np.abs(i).clip(0.0, 180.0)
+        a = np.where(turned, a + 180.0, a) % 360.0
+        found[f"H{k}"] = Run(md, np.radians(i.round(digits)), np.radians(a.round(digits)))
+    return found
+
+
+def _shot(change: Callable) -> Callable:
+    """One shot of one inclined hole of two shots or more is changed."""
+
+    def fault(r, table):
+        names = [name for name, run in table.items() if len(run.md) > 1 and np.sin(run.inclination).min() > 0.3]
+        if not names:
+            return None, ""
+        name = names[r.integers(len(names))]
+        run, row = table[name], int(r.integers(len(table[name].md)))
+        i, a = run.inclination.copy(), run.azimuth.copy()
+        i[row], a[row] = change(i[row], a[row])
+        return table | {name: Run(run.md, i, a)}, name
+
+    return fault
+
+
+HOLE_FAULTS = {
+    "one dip of the other sign": _shot(lambda i, a: (np.pi - i, a)),
+    "one azimuth 100 deg off": _shot(lambda i, a: (i, a + np.radians(100.0))),
+    "one azimuth half a turn off": _shot(lambda i, a: (i, a + np.pi - 1e-3)),
+    "one shot of dip 0, azimuth 0": _shot(lambda i, a: (np.pi / 2.0, 0.0)),
+    "one dip 20 deg off": _shot(lambda i, a: (i + np.radians(20.0), a)),
+}
+
+
+def hole_tables(runs: int, first: int = 0) -> tuple[list[tuple[str, int, float]], list[tuple[int, Finding]]]:
+    """Share of tables in which the hole is named, by mistake; what is said of right ones."""
+    rows = []
+    for words, make in HOLE_FAULTS.items():
+        count = hit = 0
+        for seed in range(first, first + runs):
+            made, name = make(np.random.default_rng(seed), holes(seed))
+            if made is not None:
+                count += 1
+                hit += any(one.values.get("hole") == name for one in check_holes(made))
+        rows.append((words, count, hit / max(count, 1)))
+    right_ones = range(first, first + runs)
+    return rows, [(seed, one) for seed in right_ones for one in without_notes(check_holes(holes(seed)))]
+
+
 # The bench.
 
 PLANS = {"twelve": plans.twelve(), "orthogonal": plans.orthogonal(), "half": plans.half(), "two-face": plans.two_face()}
@@ -934,6 +1002,7 @@ def main() -> None:
     parser.add_argument(
         "--bench", type=int, default=0, help="runs of each fault at a bench, and 100 times as many right"
     )
+    parser.add_argument("--holes", type=int, default=0, help="tables of drill holes, of each mistake and right")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--real", action="store_true", help="the real and published runs that come with the tests")
     options = parser.parse_args()
@@ -942,6 +1011,14 @@ def main() -> None:
         for name, doubt in found:
             print(name, doubt.severity, doubt.code, doubt)
         print(f"false alarms {len({name for name, _ in found})} of {count} real and published runs")
+        return
+    if options.holes:
+        shares, wrong = hole_tables(options.holes)
+        for words, count, share in shares:
+            print(f"{words:54} {count:4} named {share:.2f}")
+        for seed, one in wrong[:30]:
+            print(seed, one.severity, one)
+        print(f"false alarms {len({seed for seed, _ in wrong})} of {options.holes} right tables")
         return
     if options.bench:
         for row in bench_faults(options.bench):

@@ -142,6 +142,52 @@ def test_each_hole_is_held_against_what_a_run_is(run):
     assert len(done.json["holes"]) == 2
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "code", "values"),
+    [
+        ("B,100,-62,92", "B,100,62,92", "run-station-misread", {"mistake": "other end", "station": 3}),
+        ("B,50,-61,91", "B,50,-61,191", "run-station-misread", {"mistake": "one digit", "fits_azimuth_deg": 91.0}),
+        ("B,100,-62,92", "B,100,0,0", "run-dogleg", {"station": 3}),
+        ("C,100,-62,92", "C,100,-12,92", "run-station-misread", {"mistake": "one digit"}),
+    ],
+)
+def test_a_shot_of_a_short_hole_that_no_hole_bends_to(run, old, new, code, values):
+    rows = [f"{hole},{m},{-60 - m // 50},{90 + m // 50}" for hole in "ABCD" for m in (0, 50, 100)]
+    text = "\n".join(["hole,depth_m,dip_deg,azimuth_deg", *rows]) + "\n"
+    Path("surveys.csv").write_text(text)
+    assert not said(run("holes surveys.csv --dip-down negative --json").ok(), "holes-run")
+    Path("surveys.csv").write_text(text.replace(old, new))
+    (one,) = said(run("holes surveys.csv --dip-down negative --json").ok(), "holes-run")
+    inner = one["values"]["finding"]
+    assert (one["values"]["hole"], inner["code"]) == (old[0], code)
+    assert {name: inner["values"][name] for name in values} == values
+
+
+@pytest.mark.parametrize("cells", ["-99,91", "99,91", "-61,-99", "-61,999", "-61,9999", "-999,91"])
+def test_marks_of_an_empty_cell(run, cells):
+    Path("surveys.csv").write_text(f"hole,depth_m,dip_deg,azimuth_deg\nA,0,-60,90\nA,50,{cells}\n")
+    run("holes surveys.csv --dip-down negative").refused("[holes-faulty", "a usual mark of an empty cell")
+
+
+def test_a_hole_that_goes_up_is_noted(run):
+    Path("surveys.csv").write_text("hole,depth_m,dip_deg,azimuth_deg\nA,50,-60,90\nB,50,60,90\nC,50,-61,-45\n")
+    (one,) = said(run("holes surveys.csv --dip-down negative --json").ok(), "holes-up")
+    assert (one["severity"], one["values"]) == ("note", {"count": 1, "total": 3, "names": "B"})
+
+
+def test_collars_on_the_grid_and_magnetic_shots(run):
+    rows = "A,0,-60,100,grid\nA,50,-60,90,magnetic\nA,100,-60,90,magnetic\n"
+    Path("surveys.csv").write_text(f"hole,depth_m,dip_deg,azimuth_deg,azimuth_reference\n{rows}")
+    run("holes surveys.csv --dip-down negative").refused("[holes-norths")
+    done = run("holes surveys.csv --dip-down negative --azimuth-add-deg 10 --json").ok()
+    east, north, _ = ends(done)["A"]
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(100.0)
+    Path("surveys.csv").write_text(
+        f"hole,depth_m,dip_deg,azimuth_deg,azimuth_reference\n{rows}".replace("grid", "true")
+    )
+    run("holes surveys.csv --dip-down negative --azimuth-add-deg 10").refused("[input-north")
+
+
 def test_collars_that_are_double_or_alone(run, tables):
     Path("collars.csv").write_text(COLLARS + "H1,1,2,3,\nX9,1,2,3,\n")
     assert "H1, line 2: collars.csv:2,5: H1 occurs more than once." in holes(run).err

@@ -410,3 +410,38 @@ def test_several_runs_with_a_tool_code_each(extended):
         (("--tie-from", "p.csv", "--tie-on", "1", "2", "3"), "input-not-with"),
     ):
         extended("position", "upper.csv", "lower.csv", "--site", "site.toml", *arguments).refused(code)
+
+
+def test_points_between_stations_a_section_and_feet(extended):
+    plain = extended("position", "survey.csv", *MWD, "-o", "p.csv", "--json").ok().json["last_station"]
+    more = ("--every-m", "10", "--section-azimuth-deg", "75", "--feet", "--tie-on", "10", "20", "0")
+    done = extended("position", "survey.csv", *MWD, *more, "-o", "ft.csv", "--json").ok()
+    last, rows = done.json["last_station"], rows_of("ft.csv")
+    assert len(rows) == 801
+    assert [row["point"] for row in rows[:4]] == ["station", "between", "between", "station"]
+    north, east = (float(rows[-1][name]) * 0.3048 for name in ("north_ft", "east_ft"))
+    assert (north, east) == pytest.approx((plain["north_m"] + 10.0, plain["east_m"] + 20.0), abs=1e-6)
+    along = north * np.cos(np.radians(75.0)) + east * np.sin(np.radians(75.0))
+    assert float(rows[-1]["section_ft"]) * 0.3048 == pytest.approx(along, abs=1e-6)
+    assert last["cov_nn_ft2"] * 0.3048**2 == pytest.approx(plain["cov_nn"], rel=1e-9)
+    built = next(row for row in rows if float(row["md_ft"]) * 0.3048 > 1500.0)  # 60 deg in 900 m
+    assert float(built["dls_deg_100ft"]) == pytest.approx(60.0 / 900.0 * 30.48, rel=1e-6)
+    table = extended("position", "survey.csv", "--feet", "--section-azimuth-deg", "75").out
+    assert "section ft" in table
+    assert "deg/100 ft" in table
+
+
+def test_a_certificate_on_both_sides_of_another_run(certified, run):
+    """Its errors are one draw above and below, and only its own stations need raw channels."""
+    lines = Path("four.csv").read_text().splitlines()
+    Path("gyro.csv").write_text("\n".join([lines[0], *lines[5:9]]))
+    options = ("--calibration", "1=tool.json", "--raw", "1=raw.csv", "--tool-code", "gyro.csv=iscwsa-mwd-rev5.1")
+    done = run("position", "survey.csv", "gyro.csv", *options, "--site", "site.toml", "--json").ok()
+    assert [one["file"] for one in done.json["runs"]] == ["survey.csv", "gyro.csv", "survey.csv"]
+    assert "work-outside-raw" not in [one["code"] for one in done.json["findings"]]
+    sources = [one["source"] for one in done.json["sources"]]
+    assert [one for one in sources if one.endswith(": calibration")] == ["run 1: calibration"]
+    raw = Path("raw.csv").read_text().splitlines()
+    Path("few.csv").write_text("\n".join(raw[:4]))
+    options = ("--calibration", "1=tool.json", "--raw", "1=few.csv", "--tool-code", "2=iscwsa-mwd-rev5.1")
+    run("position", "survey.csv", "gyro.csv", *options, "--site", "site.toml").refused("input-few")

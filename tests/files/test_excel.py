@@ -160,7 +160,7 @@ def test_files_that_are_no_workbooks(tmp_path):
         read_excel(tmp_path / "none.xlsx")
     with zipfile.ZipFile(tmp_path / "zip", "w") as archive:
         archive.writestr("a.txt", "no workbook")
-    with refused("file-format", error=FileError):
+    with refused("file-kind", error=FileError, format="ZIP"):
         read_excel(tmp_path / "zip")
 
 

@@ -8,6 +8,7 @@ from tests.refusals import refused
 from inclinometry.errors import FileError
 from inclinometry.files import las
 from inclinometry.files.las import write_las
+from inclinometry.files.profile import reading_with
 from inclinometry.files.six_axis import read_las
 from inclinometry.files.survey_file import SurveyFile
 
@@ -164,7 +165,7 @@ def test_a_header_with_fewer_digits_than_the_data(tmp_path):
         ("-1.0000 -999.25\n", "\n", "table-row-width"),
         ("STRT.F            328", "STRT.F            300", "file-differs"),
         ("STOP.F            656.0000", "STOP.F            ", "input-kind STOP"),
-        ("-999.2500 : NULL", "         : NULL", "input-kind NULL"),
+        ("-999.2500 : NULL", "         : NULL", "table-null"),
         (" 1.5000 ", " 1.5x00 ", "input-kind DEVI"),
         (" 1.5000 ", " NaN ", "input-kind DEVI"),
         (" 1.5000 ", " 1_5 ", "input-kind DEVI"),
@@ -178,7 +179,7 @@ def test_a_header_with_fewer_digits_than_the_data(tmp_path):
         ("2.0 :", "4.0 :", "file-version"),
         ("~A  DEPT", "~X  DEPT", "file-section"),
         ("~", "-", "file-section"),
-        (" VERS. ", " ", "file-version"),
+        (" VERS. ", " ", "file-section"),
     ],
 )
 def test_damage(tmp_path, old, new, words):
@@ -285,3 +286,36 @@ def test_how_far_head_and_data_may_differ(tmp_path, stop, code):
         return
     with refused("file-differs", error=FileError, name="STOP"):
         read_las(tmp_path / "a.las")
+
+
+LAS_3 = (
+    "~V\nVERS. 3.0 :\nWRAP. NO :\nDLM. COMMA :\n~W\nSTRT.M 9 :\nSTOP.M 90 :\nNULL. -999.25 :\n"
+    "~Gyro_Definition\nMD.M :\nINC.DEG :\n~Gyro_Data | Gyro_Definition\n0, 1\n30, 2\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("more", "sheet", "expected"),
+    [
+        ("", None, [1.0, 2.0]),
+        ("~MWD_Definition\nMD.M :\nINC.DEG :\n~MWD_Data | MWD_Definition\n0, 3\n", None, "input-choice"),
+        ("~MWD_Definition\nMD.M :\nINC.DEG :\n~MWD_Data | MWD_Definition\n0, 3\n", "mwd", [3.0]),
+        ("~Gyro_Definition\nMD.M :\nINC.DEG :\n~Gyro_Data | Gyro_Definition\n0, 3\n", "gyro", "input-repeated"),
+    ],
+)
+def test_tables_of_las_3_that_are_no_log(tmp_path, more, sheet, expected):
+    path = saved(tmp_path / "a.las", LAS_3 + more)
+    with reading_with(None, sheet=sheet):
+        if isinstance(expected, str):
+            with refused(expected, error=FileError):
+                read_las(path)
+        else:
+            assert np.degrees(read_las(path).inclination).tolist() == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("head", "rows"), [((60, 0), (0, 30, 60)), ((0, 60), (60, 30, 0)), ((60, 0), (60, 30, 0))])
+def test_a_log_from_the_bottom_up_by_its_header_or_by_its_rows(tmp_path, head, rows):
+    start = "~V\nVERS. 2.0 :\nWRAP. NO :\n~W\nSTRT.M {} :\nSTOP.M {} :\n~C\nDEPT.M :\nTVD.M :\n~A\n".format(*head)
+    path = saved(tmp_path / "a.las", start + "".join(f"{row} {row}\n" for row in rows))
+    found = read_las(path)  # without NULL as well
+    assert (found.md.tolist(), found.findings) == ([0.0, 30.0, 60.0], ())

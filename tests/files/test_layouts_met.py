@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import io
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,8 @@ from inclinometry.files.holes_csv import read_shots
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import reading_with, with_constants
 from inclinometry.files.table import read_table
+from inclinometry.workflow.check import look
+from inclinometry.workflow.convert import format_of
 
 LAS = """# LAS format log file from PETREL
 ~VERSION INFORMATION
@@ -212,6 +216,70 @@ def test_names_of_a_profile_in_small_letters():
     Path("a.json").write_text('[{"gx": 1, "gy": 2, "gz": 3, "mx": 4, "my": 5, "mz": 6}]')
     with reading_with("mag-accel-counts"):
         assert read_table("a.json").names == ("accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z")
+
+
+def archive(member: str) -> bytes:
+    with zipfile.ZipFile(packed := io.BytesIO(), "w") as file:
+        file.writestr(member, "<x/>")
+    return packed.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "kind"),
+    [
+        ("a.min", b" Format                 IAGA-2002               |\nDATE TIME DOY BOUH\n1 2 3 4\n",
+         "IAGA-2002"),
+        ("a.dlis", b"   1V1.00RECORD 8192Default\0", "DLIS"),
+        ("a.top", b"Top\x03\0\0", "PocketTopo"),
+        ("a.sgy", ("C 1 CLIENT".ljust(80) + "C 2 LINE".ljust(80)).encode("cp500"), "SEG-Y"),
+        ("b.sgy", ("C 1 CLIENT".ljust(80) + "C 2 LINE".ljust(80)).encode() + b"\0", "SEG-Y"),
+        ("a.pdf", b"%PDF-1.7\n", "PDF"),
+        ("a.docx", archive("word/document.xml"), "Word"),
+        ("a.kmz", archive("doc.kml"), "KMZ"),
+        ("a.zip", archive("survey.csv"), "ZIP"),
+        ("a.ods", archive("content.xml"), "OpenDocument"),
+        ("a.png", b"\x89PNG\r\n\x1a\n\0", "PNG"),
+        ("a.shp", b"\0\0\x27\x0a\0", "Shapefile"),
+        ("a.gdb", b"\x11\0\x55", "Geosoft"),
+        ("a.kml", b'<?xml version="1.0"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"/>', "KML"),
+        ("a.xml", b'<?xml version="1.0"?>\n<logs xmlns="http://www.witsml.org/schemas/1series"/>', "XML"),
+        ("a.json", b'{ "type": "FeatureCollection", "features": [] }', "GeoJSON"),
+        ("a.html", b"<!DOCTYPE html><html>", "HTML"),
+        ("a.dxf", b"  0\nSECTION\n  2\nHEADER\n", "DXF"),
+        ("a.ags", b'"GROUP","PROJ"\n"HEADING","PROJ_ID"\n', "AGS"),
+        ("a.bag", b"#ROSBAG V2.0\n", "ROS bag"),
+        ("a.tar", b"survey.csv".ljust(257, b"\0") + b"ustar", "tar"),
+    ],
+)  # fmt: skip
+def test_formats_that_are_not_read_are_named(name, start, kind):
+    Path(name).write_bytes(start)
+    for read in (look, read_well):
+        with refused("file-kind", error=FileError, format=kind):
+            read(name)
+
+
+def test_convert_names_a_format_that_is_not_read():
+    Path("a.pdf").write_bytes(b"%PDF-1.7\n")
+    with refused("file-kind", error=FileError, format="PDF"):
+        format_of("a.pdf")
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("Dear colleague,\nplease find the survey of A-1, of 2024-01-03.\nAzimuths are grid; call me.\n", "file-empty"),
+        ("import numpy as np\n\ndef f(x, y):\n    return x + y\n\nprint(f(1, 2), 'a', 3)\n", "file-empty"),
+        ("[tool]\nname = A\nport = 3\n[log]\nlevel = 2\n", "file-empty"),
+        ("1.0\nUndefined\nA-1 450000.0 6700000.0 25.0\n0.0 6700000.0 0.0 0.0\n0.1 6700000.0 30.0 1.0\n",
+         "table-names-numbers"),
+        ("CAVE\nSURVEY NAME: A\n\nFROM TO LENGTH BEARING INC LEFT\n\nA2 A1 12.0 135.0 5.0 0.0\n", "table-legs"),
+        ("#UNITS FEET ORDER=DAV\nA1 A2 12.3 45 -3\n", "table-legs"),
+    ],
+)  # fmt: skip
+def test_texts_without_a_table_are_named(text, code):
+    Path("a.txt").write_text(text)
+    with refused(code, error=FileError):
+        read_well("a.txt")
 
 
 def test_survex_is_named():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
@@ -133,3 +133,46 @@ def test_the_sources_add_up_to_the_position_s_covariance(tmp_path, well):
         added = np.array([parts.number(name)[parts.number("md_m") == md].sum() for md in path.md])
         # sums of three numbers in another order
         np.testing.assert_allclose(added, total.number(name), rtol=1e-14, atol=1e-15)
+
+
+def positions(tmp_path, head, rows):
+    (tmp_path / "p.csv").write_text("\n".join([head, *(",".join(str(x) for x in row) for row in rows)]))
+    return tmp_path / "p.csv"
+
+
+CIRCLE = [(500 * np.sin(a), 0.0, 500 * (1 - np.cos(a)) + 100) for a in np.linspace(0, 1, 21)]
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "start"),
+    [
+        ("north_m,east_m,tvd_m", lambda d, e, n: (n, e, d), (100.0, 0.0, 0.0)),
+        ("+N/-S (ft),E/W (ft),TVD (ft)", lambda d, e, n: (n / 0.3048, e / 0.3048, d / 0.3048), (100.0, 0.0, 0.0)),
+        ("X (m),Y (m),Z (m)", lambda d, e, n: (e + 4e5, n + 6e6, 25 - d), (6000100.0, 4e5, -25.0)),
+        ("x_m,y_m,z_m", lambda d, e, n: (e, n, d), (100.0, 0.0, 0.0)),
+        ("Easting_m,Northing_m,Elevation_m", lambda d, e, n: (e, n, -d), (100.0, 0.0, 0.0)),
+    ],
+)
+def test_a_path_of_positions_alone(tmp_path, head, row, start):
+    path = positions(tmp_path, f"{head},azimuth_reference", [(*row(*point), "grid") for point in CIRCLE])
+    well = read_well(path)
+    assert coded(well.findings) == ["readings-through-positions"]
+    assert well.start == pytest.approx(start, abs=1e-6)
+    np.testing.assert_allclose(well.inclination, np.linspace(0, 1, 21), atol=1e-4)
+    np.testing.assert_allclose(np.sin(well.azimuth), 0.0, atol=1e-6)
+    np.testing.assert_allclose(well.md, np.linspace(0, 500, 21), rtol=1e-6, atol=1e-6)
+
+
+def test_positions_that_are_no_path(tmp_path):
+    head, rows = "north_m,east_m,tvd_m,azimuth_reference", [(n, e, d, "grid") for d, e, n in CIRCLE]
+    for bad, code in (
+        (rows[:2], "input-few stations"),
+        ([*rows[:3], rows[2], *rows[3:]], "input-repeated north_m"),
+        ([*rows[:3], ("", *rows[3][1:]), *rows[4:]], "input-empty north_m"),
+    ):
+        with refused(code, error=FileError):
+            read_well(positions(tmp_path, head, bad))
+    with refused("table-north"):
+        read_well(positions(tmp_path, head.rpartition(",")[0], [row[:3] for row in rows]))
+    with refused("file-column"):
+        read_well(positions(tmp_path, "north_m,east_m,azimuth_reference", [(n, e, "grid") for n, e, *_ in rows]))

@@ -319,3 +319,18 @@ def test_surveys_that_cannot_be_used(change, message):
     well_survey(**good)
     with refused(message):
         well_survey(**{**good, **change})
+
+
+def test_between_stations_errors_are_linear_in_depth(iscwsa):
+    found = propagate(iscwsa["3"], load_tool_code("iscwsa-mwd-rev5.1"))
+    md = found.survey.md
+    np.testing.assert_allclose(found.between(md), found.covariance, rtol=1e-12, atol=1e-12)
+    at = md[40] + 0.25 * (md[41] - md[40])
+    wanted = np.zeros((3, 3))
+    for one in found.sources.values():
+        if one.propagation == "random":
+            wanted += 0.75 * one.covariance[40] + 0.25 * one.covariance[41]
+        else:
+            mean = 0.75 * one.vectors[:, 40] + 0.25 * one.vectors[:, 41]
+            wanted += mean.T @ mean
+    np.testing.assert_allclose(found.between(np.array([at]))[0], wanted, rtol=1e-10, atol=1e-12)

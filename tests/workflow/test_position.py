@@ -95,8 +95,15 @@ def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
     stands = read_position(files(tmp_path, "true", md=(0, 93, 188, 281))[0])
     assert coded(stands.findings) == ["run-depths-feet", "work-no-model"]
     slip = read_position(files(tmp_path, "true", inclination=(0, 10, 80, 11))[0])
-    bend = next(one for one in slip.findings if one.code == "work-dogleg")
-    assert (bend.values["md_m"], bend.values["line"]) == (60.0, 4)
+    bend = next(one for one in slip.findings if one.code == "run-station-misread")
+    assert (bend.values["md_m"], bend.values["station"], bend.values["fits_inclination_deg"]) == (60.0, 3, 10.0)
+
+
+@pytest.mark.parametrize(("date", "wanted"), [("1926-05-01", 1), ("1986-05-01", 0)])
+def test_a_date_before_any_measurement_while_drilling(tmp_path, date, wanted):
+    place = ("latitude_deg = 47.6", "longitude_deg = -122.3", f"date = {date}")
+    found = read_position(*files(tmp_path, "true", *place), MWD)
+    assert coded(found.findings).count("work-code-date") == wanted
 
 
 def test_digests_of_all_that_was_read(tmp_path):

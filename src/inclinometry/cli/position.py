@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -66,6 +66,9 @@ def position(
     ignore: options.Ignore = (),
     report: options.Report = None,
     sources: options.AlsoWritten = None,
+    every: Annotated[float | None, options.quantity("m", 0.01, 10_000.0, group=options.OUTPUT)] = None,
+    section_azimuth: Annotated[float | None, options.quantity("deg", -360.0, 360.0, group=options.OUTPUT)] = None,
+    feet: Annotated[bool, Parameter(negative="", show_default=False, group=options.OUTPUT)] = False,
     json: options.Json = False,
 ) -> None:
     """Positions of a well by minimum curvature, and their covariance by a tool code or by the tool's own certificate.
@@ -73,7 +76,8 @@ def position(
     Parameters
     ----------
     survey
-        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
+        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference. Without angles: north, east and
+        tvd, or x (east), y (north) and z (elevation or depth); angles are then computed and written.
     more
         Further runs of the well. Between its first and last station a run replaces those named before it.
     output_
@@ -104,7 +108,14 @@ def position(
         North of the azimuths if the survey states none.
     sources
         Write each error source at each station as CSV.
+    every
+        Also write points at this interval, m, with their angles and covariance.
+    section_azimuth
+        Also write the vertical section along this azimuth, from north 0, east 0.
+    feet
+        Lengths in ft, dogleg per 100 ft, in the table, --output and --json.
     """
+    from inclinometry.files.position_csv import position_columns
     from inclinometry.files.profile import reading_with, with_constants
     from inclinometry.workflow.calibration_age import Age
     from inclinometry.workflow.position import RunFiles, read_position
@@ -152,12 +163,14 @@ def position(
             north=north,
             progress=progress,
         )
-    _write(found, output_, report, sources)
+    shown = {"section": section_azimuth, "feet": feet}
+    _write(found, output_, report, sources, every, shown)
     output.findings(found.findings)
+    columns = position_columns(found.path, found.uncertainty, found.survey.north, **shown)
     if json:
-        output.print_json(_content(found, output_))
+        output.print_json(_content(found, output_, columns))
         return
-    show_position(found)
+    show_position(found, columns)
     output.print_outputs(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
 
@@ -185,35 +198,51 @@ def _parameter(text: str) -> tuple[str, float]:
         raise wrong_kind(f"--tool-parameter {name}", value, "number") from None
 
 
-def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
+def _write(
+    found: WellPosition,
+    target: Path | None,
+    report: Path | None,
+    sources: Path | None,
+    every: float | None,
+    shown: Mapping[str, Any],
+) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
+    from inclinometry.workflow.holes import positions_every
 
-    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **found.told):
+    more = {**found.told, "section": shown["section"]}
+    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **more):
+        path = found.path if every is None else positions_every(found.path, every)
+        computed = any(one.code == "readings-through-positions" for one in found.findings)
+        points = {
+            **shown,
+            "stations": None if every is None else found.path.md,
+            "angles": computed or every is not None,
+        }
         if target is not None:
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
-            write_position_csv(target, found.path, found.uncertainty, found.survey.north, ignored)
+            write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)
         if sources is not None and found.uncertainty is not None:
             write_sources_csv(sources, found.uncertainty)
 
 
-def show_position(found: WellPosition, most: int = 10) -> None:
+def show_position(found: WellPosition, columns: Mapping[str, Any], most: int = 10) -> None:
     """A few stations spread over the well, and the largest sources at the last, on the terminal."""
-    from inclinometry.files.position_csv import position_columns
-
-    columns = position_columns(found.path, found.uncertainty, found.survey.north)
-    shown = ["md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m"]
-    if found.uncertainty is not None:
-        shown += ["semi_major_m", "semi_minor_m", "major_azimuth_deg"]
     if found.runs:
         cells = [[x if isinstance(x, str) else f"{x:.12g}" for x in one] for one in found.runs]
         output.table("runs, from top to bottom", ["run", "from m", "to m", "stations", "tool code"], cells)
-    rows = [[f"{float(columns[name][row]):.2f}" for name in shown] for row in output.spread(len(found.path), most)]
-    header = ["md m", "tvd m", "north m", "east m", "dls", "major m", "minor m", "at deg"][: len(shown)]
-    caption = f"from {found.survey.north} north; dls in deg/30 m" + (
+    unit, per = ("m", "30m") if "md_m" in columns else ("ft", "100ft")
+    places = [(f"{name}_{unit}", f"{name} {unit}") for name in ("md", "tvd", "north", "east", "section")]
+    places.append((f"dls_deg_{per}", "dls"))
+    if found.uncertainty is not None:
+        places += [(f"semi_{name}_{unit}", f"{name} {unit}") for name in ("major", "minor")]
+        places.append(("major_azimuth_deg", "at deg"))
+    shown = [place for place in places if place[0] in columns]
+    rows = [[f"{float(columns[name][row]):.2f}" for name, _ in shown] for row in output.spread(len(found.path), most)]
+    caption = f"from {found.survey.north} north; dls in deg/{per.replace(unit, f' {unit}')}" + (
         "; horizontal ellipse of one standard deviation" if found.uncertainty is not None else ""
     )
-    output.table(f"positions{output.excerpt(len(rows), len(found.path))}", header, rows, caption)
+    output.table(f"positions{output.excerpt(len(rows), len(found.path))}", [head for _, head in shown], rows, caption)
     if found.uncertainty is not None:
         from inclinometry.report.position import contributions
 
@@ -222,11 +251,8 @@ def show_position(found: WellPosition, most: int = 10) -> None:
         output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
 
 
-def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
+def _content(found: WellPosition, target: Path | None, columns: Mapping[str, Any]) -> dict[str, Any]:
     """Everything a machine asks for first: the last station, its covariance, ellipse and sources."""
-    from inclinometry.files.position_csv import position_columns
-
-    columns = position_columns(found.path, found.uncertainty, found.survey.north)
     last = {n: values if isinstance(values, str) else values[-1] for n, values in columns.items()}
     code, model = found.tool_code, {} if found.calibration is None else {"calibration": found.calibration}
     if code is not None:

@@ -317,14 +317,16 @@ def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
         return None
 
 
-def listed_axis(name: str, stated: Collection[str] = ()) -> tuple[str, float] | None:
+def listed_axis(name: str, stated: Collection[str] = (), alone: bool = False) -> tuple[str, float] | None:
     """The axis ("north", "east", "tvd") of a column of positions and its factor to metres; None for another column.
+
+    alone : whether positions are all there is: x, y and "z" are axes, too.
 
     >>> listed_axis("+N/-S (ft)"), listed_axis("E(+) (m)"), listed_axis("North Reference", ["m"])
     (('north', 0.3048), ('east', 1.0), None)
     """
     plain = re.sub(r"\(\s*[-+\u2212]\s*\)|[+\u2212]", "", name)  # of N(+) and +N/-S
-    for axis, names in _data()["listed"].items():
+    for axis, names in (*_data()["listed"].items(), *(_data()["positions"].items() if alone else ())):
         if (factor := factor_of(plain, names, "m", stated)) is not None:
             return axis, factor
     return None

@@ -56,7 +56,7 @@ def face(name: str) -> Face | None:
 
 def _unit(written: str) -> str:
     """A unit as it is written here; another as it is."""
-    unit = written.strip().lower().replace("_", "-")
+    unit = re.sub("^inch(es)?$", "in", written.strip().lower().replace("_", "-"))
     constant = _CONSTANT.fullmatch(unit)
     return f"digi-{constant[1]}" if constant else next((one for one in UNITS if same_unit(unit, one)), unit)
 
@@ -65,7 +65,7 @@ def _level(unit: str, step: float) -> float:
     """What a probe reads of a casing that lies, sine 1; NaN of a unit that is not known."""
     if constant := _CONSTANT.fullmatch(unit):
         return float(constant[1])
-    known = {"sin": 1.0, "deg": 90.0}
+    known = {"sin": 1.0, "deg": 90.0, "in": step / 0.0254}  # elsewhere `in` is a word
     if unit in known or dimension_of(unit) != "length":
         return known.get(unit, np.nan)
     return step / unit_factor(unit, "m")[0]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from inclinometry.errors import FileError, InputError, in_file, not_among, refused, system_reason
+from inclinometry.files.not_read import archive_not_read
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
@@ -116,6 +117,9 @@ def _check(path: Path) -> None:
             if not zipfile.is_zipfile(stream):
                 raise FileError(damaged(".xlsx", "no zip archive"), path=path)
             with zipfile.ZipFile(stream) as archive:
+                members = archive.namelist()
+                if not any(name.startswith("xl/") for name in members):
+                    raise FileError(archive_not_read(members), path=path)
                 size = sum(entry.file_size for entry in archive.infolist())
                 packed = sum(entry.compress_size for entry in archive.infolist())
     except FileError:

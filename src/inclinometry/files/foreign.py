@@ -24,6 +24,7 @@ from inclinometry.arrays import Array
 from inclinometry.constants import UNIT_LABELS
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
+from inclinometry.files.not_read import not_read
 from inclinometry.files.profile import current, with_unit
 from inclinometry.files.text import Block, Progress, whole_text, wide
 from inclinometry.findings import Finding
@@ -60,6 +61,8 @@ def foreign_pieces(
                 start = stream.read(4096)
     except (OSError, EOFError, zlib.error):
         return None
+    if read is None and (found := not_read(path, wide(start) or start)) is not None:
+        raise FileError(found, path=path)
     read = read or _kind(start)
     if read is None:
         return None
@@ -88,17 +91,16 @@ def _kind(start: bytes) -> Read | None:
         b"PAR1": _parquet,
         b"\x89HDF": _hdf5,
         b"MATLAB 7.3": _hdf5,
-        b"MATLAB": _mat,
     }
     read: Read | None = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
     text = (wide(start) or start).removeprefix(b"\xef\xbb\xbf").lstrip()
-    if read is None and text[:1] in (b"{", b"["):
+    if read is None and re.match(rb"\{|\[\s*([\[{\d\"-]|\])", text):
         return _json
-    if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
+    if read is None and re.match(rb"(#[^\n]*\s+)*~[VWC]", text, re.I):
         return _las
     if read is None and re.match(rb"&&\s", text):
         return _wits
-    if read is None and text[:1] == b"<" and b"trajectorys" in start:
+    if read is None and text[:1] == b"<" and re.search(rb"<(\w+:)?(trajectorys|Trajectory)\b", text):
         return _witsml
     if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
         return _p7
@@ -256,12 +258,6 @@ def _of_numpy(path: Path) -> bool:
             return any(name.endswith(".npy") for name in archive.namelist())
     except (OSError, RuntimeError, zipfile.BadZipFile):  # RuntimeError: a version of zip unknown
         return path.suffix.lower() == ".npz"
-
-
-def _mat(path: Path) -> Pieces:
-    """Not read: scipy's reader ends the interpreter on damaged files; from version 7.3 on the format is HDF5."""
-    kind = Finding("file-kind", {"format": "MATLAB 5", "wanted": ("MATLAB 7.3 (-v7.3)", ".csv")})
-    raise FileError(kind, path=path)
 
 
 def _hdf5(path: Path) -> Pieces:

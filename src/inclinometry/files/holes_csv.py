@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, Index
+from inclinometry.arrays import Array, Index, Mask
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files._quantities import factor_of, hole_names
 from inclinometry.files.frame import Frame
@@ -31,7 +31,7 @@ class Shots(NamedTuple):
 
     rows : hole -> its rows in the order of the file.
     depth : (n,) m; dip : (n,) rad from the horizontal, or None; inclination : (n,) rad from the vertical, or None;
-    azimuth : (n,) rad. NaN where a cell is empty.
+    azimuth : (n,) rad. NaN where a cell is empty. magnetic : (n,) where norths are stated and they differ, else None.
     """
 
     rows: Mapping[str, Index]
@@ -39,6 +39,7 @@ class Shots(NamedTuple):
     dip: Array | None
     inclination: Array | None
     azimuth: Array
+    magnetic: Mask | None
     table: Frame
 
 
@@ -66,7 +67,12 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
             raise table.error(table.lacking(name))
     if ("dip" in found) == ("inclination" in found):
         raise table.error(Finding("input-one-of", {"names": ("dip", "inclination")}))
-    return Shots(rows, found["depth"], found.get("dip"), found.get("inclination"), found["azimuth"], table)
+    norths = np.array(table.text("azimuth_reference") if "azimuth_reference" in table else [], dtype=str)
+    magnetic = norths == "magnetic" if len(set(norths)) > 1 else None
+    if magnetic is not None and set(norths) != {"grid", "magnetic"}:
+        raise table.error(Finding("input-north", {"norths": tuple(sorted(set(norths)))}))
+    angles = (found.get("dip"), found.get("inclination"), found["azimuth"])
+    return Shots(rows, found["depth"], *angles, magnetic, table)
 
 
 def hole_column(name: str) -> str:
@@ -139,9 +145,6 @@ def _by_hole(
         raise in_file(error, path) from None
     numbers = {name for name, _ in found.values()}
     table = opened.read(lambda name: name in numbers, numbers)
-    for north in table.text("azimuth_reference") if "azimuth_reference" in table else ():
-        if north != table.text("azimuth_reference")[0]:
-            raise table.error(Finding("input-north", {"norths": (table.text("azimuth_reference")[0], north)}))
     rows: dict[str, list[int]] = {}
     for row, hole in enumerate(table.text(ids[0])):
         if not hole:

@@ -52,41 +52,56 @@ class Sections(NamedTuple):
     spans: bool = True
 
 
-def split_at_data(path: str | Path, text: str) -> Sections:
-    """The head of a LAS file and its data; of LAS 3.0 the section ~Inclinometry, or else the log.
+_LOG: Final = "LOG"
+
+
+def split_at_data(path: str | Path, text: str, sheet: str | None = None) -> Sections:
+    """The head of a LAS file and its data; of LAS 3.0 those of `sheet`, the section ~Inclinometry, or else the log.
 
     Raises
     ------
     FileError
-        No section at all, none of data.
+        No section at all, none of data, several and none of them the usual one.
     """
     lines = text.splitlines()
     titles = {i: line.strip().upper() for i, line in enumerate(lines) if line.lstrip().startswith("~")}
     if not titles:
         raise FileError(Finding("file-section", {"section": "~Version"}), path=path)
     # of LAS 3.0: ~INCLINOMETRY_DATA | INCLINOMETRY_DEFINITION
-    tables = {i: title for i, title in titles.items() if "|" in title}
-    start = next((i for i, title in tables.items() if title.startswith("~INCLINOMETRY")), None)
-    spans = start is None
-    if start is None:
-        start = next((i for i, title in titles.items() if title.startswith(("~A", "~LOG_DATA"))), None)
-    if start is None:
+    kinds = {
+        i: title[1:].partition("|")[0].strip().removesuffix("_DATA") for i, title in titles.items() if "|" in title
+    }
+    found = kinds | {i: _LOG for i, title in titles.items() if i not in kinds and title.startswith(("~A", "~LOG_DATA"))}
+    found = {i: _LOG if kind in ("LOG", "ASCII") else kind for i, kind in found.items()}
+    usual = next((kind for kind in ("INCLINOMETRY", _LOG) if kind in found.values()), None)
+    wanted = usual if sheet is None else sheet.upper()
+    places = [i for i, kind in found.items() if wanted in (None, kind)]
+    if not found:
         raise FileError(Finding("file-section", {"section": "~ASCII"}), path=path, line=len(lines))
+    if (wanted is None and len(places) > 1) or not places:
+        choice = {"name": "--sheet", "value": sheet or "-", "allowed": tuple(dict.fromkeys(found.values()))}
+        raise FileError(Finding("input-choice", choice), path=path)
+    if len(places) > 1:
+        twice = Finding("input-repeated", {"name": "section", "value": titles[places[1]]})
+        raise FileError(twice, path=path, line=places[1] + 1)
+    start = places[0]
     ends = dict(zip(titles, [*list(titles)[1:], len(lines)], strict=True))
-    if start not in tables:
+    if start not in kinds:
         return Sections("\n".join(lines[:start]) + "\n", lines[start + 1 : ends[start]], start + 2)
-    kind = titles[start][1:].partition("|")[0].strip().removesuffix("_DATA")
-    parts = {"~V": "~V", "~W": "~W", f"~{kind}_DEFINITION": "~C", f"~{kind}_PARAMETER": "~P", "~PARAMETER": "~P"}
+    definition = titles[start].partition("|")[2].strip()
+    parts = {"~V": "~V", "~W": "~W", f"~{definition}": "~C", f"~{kinds[start]}_PARAMETER": "~P", "~PARAMETER": "~P"}
     head, mark = list[str](), "SPACE"
     for i, title in titles.items():
-        part = next((part for begins, part in parts.items() if title.startswith(begins) and i not in tables), None)
+        part = next((part for begins, part in parts.items() if title.startswith(begins) and i not in kinds), None)
         if part is not None:
             body = lines[i + 1 : ends[i]]
             mark = next((line.partition(".")[2].partition(":")[0].strip().upper()
                          for line in body if line.lstrip().upper().startswith("DLM")), mark)  # fmt: skip
             head += [part, *body]
     marks = {"COMMA": ",", "TAB": "\t"}
-    return Sections("\n".join(head) + "\n", lines[start + 1 : ends[start]], start + 2, marks.get(mark), spans)
+    return Sections(
+        "\n".join(head) + "\n", lines[start + 1 : ends[start]], start + 2, marks.get(mark), found[start] == _LOG
+    )
 
 
 def numbered(lines: Iterable[str], first: int) -> Numbered:
@@ -211,7 +226,7 @@ def las_frame(where: Path) -> Frame:
     data = whole(where, LARGEST)
     # what matters is ASCII: letters of an encoding that no one knows do not hinder
     text, guess = whole_text(data, where, current().encoding, "latin-1")
-    parts = split_at_data(where, text)
+    parts = split_at_data(where, text, current().sheet)
     las = _header(where, parts.head)
     names = [str(curve.original_mnemonic).strip() for curve in las.curves]
     findings, doubled = list(guess), dict[str, str]()
@@ -232,9 +247,8 @@ def las_frame(where: Path) -> Frame:
     columns = {name: column for name, column in columns.items() if name not in doubled}
     depth = columns[names[0]]
     if parts.spans and not isinstance(depth, tuple):
-        up, beyond = _span(where, las, units.get(names[0]), depth, rows)
-        findings += beyond
-        if up and (np.diff(depth) < 0.0).all():
+        findings += _span(where, las, units.get(names[0]), depth, rows)
+        if len(depth) > 1 and (np.diff(depth) < 0.0).all():
             columns = {name: c[::-1] if isinstance(c, tuple) else c[::-1].copy() for name, c in columns.items()}
             rows = rows[::-1]
     header, north = _head_texts(where, las)
@@ -246,10 +260,8 @@ def las_frame(where: Path) -> Frame:
     return Frame(where, named, rows, bare=bare, north=north, header=header, findings=tuple(findings))
 
 
-def _span(
-    path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]
-) -> tuple[bool, list[Finding]]:
-    """Whether the log goes up by its header, and data beyond STRT or STOP; FileError where they end before."""
+def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]) -> list[Finding]:
+    """Data beyond STRT or STOP, whose order may be wrong; FileError where they end before."""
     ends = dict[str, float]()
     for name in ("STRT", "STOP"):
         item = _item(las.well, name)
@@ -261,17 +273,21 @@ def _span(
             ends[name] = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
             raise in_file(wrong_kind(name, str(value), "number"), path) from None
-    up, findings = ends["STRT"] > ends["STOP"], []
-    for name, at in (("STRT", 0), ("STOP", -1)):
-        stated, there = ends[name], float(depth[at])
+    findings = []
+    last = len(depth) - 1
+    top = last if depth[0] > depth[last] else 0  # of the rows
+    low = "STOP" if ends["STRT"] > ends["STOP"] else "STRT"
+    for name, stated in ends.items():
+        at = top if name == low else last - top
+        there = float(depth[at])
         # headers are often printed with fewer digits than the data
         if abs(stated - there) <= 0.006 + 1e-6 * abs(there):
             continue
         values: dict[str, Value] = {"name": name, "stated": stated, "there": there}
-        if ((there > stated) is (name == "STOP")) is up:
+        if (there > stated) is (name == low):
             raise FileError(Finding("file-differs", values), path=path, line=int(rows[at]))
         findings.append(Finding("file-beyond", values))
-    return up, findings
+    return findings
 
 
 def _header(path: Path, head: str) -> Any:
@@ -279,7 +295,9 @@ def _header(path: Path, head: str) -> Any:
     import lasio
 
     stated = re.search(r"(?im)^\s*VERS\s*\.\s*([^\s:]+)", head)
-    version = stated[1] if stated else ""
+    if stated is None:
+        raise FileError(Finding("file-section", {"section": "~Version, VERS"}), path=path)
+    version = stated[1]
     if version not in ("1.2", "1.20", "2.0", "2", "2.00", "3.0", "3", "3.00"):
         known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0", "3.0")})
         raise FileError(known, path=path)
@@ -332,6 +350,8 @@ def _value(section: Any, name: str) -> Any:
 
 def _null(path: Path, las: Any) -> float:
     value = _value(las.well, "NULL")
+    if value in (None, ""):
+        return np.nan  # what looks like one is refused where the table is read
     try:
         return float(value)
     except (TypeError, ValueError):

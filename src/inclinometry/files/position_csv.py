@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,17 @@ from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import listed_axis
-from inclinometry.files.columns import PARTS, SURVEY, numbers_among
+from inclinometry.files.columns import PARTS, SURVEY, channel, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.gyro_csv import STATION
 from inclinometry.files.profile import current
 from inclinometry.files.survey_csv import check_increasing, differs
-from inclinometry.files.table import read_table
+from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import NULLS, NumberReader, Progress
 from inclinometry.findings import Finding, Value
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.well import hole_sigmas, horizontal_ellipse
-from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
+from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg, through_positions
 from inclinometry.survey.path import Path as WellPath
 
 COVARIANCES: Final = ("cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev")
@@ -55,6 +55,7 @@ class WellStations:
 
     md : (n,) m, increasing. inclination, azimuth : (n,) rad, from the north `azimuth_reference`. temperature : degC.
     toolface : (n,) rad, NaN where the file is silent; None without a column. lines, digest : as in `Frame`.
+    start : north, east, tvd, m, of the first station, where the file is positions alone.
     listed : columns of positions in the file. unread : those that have no unit of length, or are no numbers.
     findings : as in `Frame`; rows without inclination and azimuth, which are no stations.
     """
@@ -71,6 +72,7 @@ class WellStations:
     listed: tuple[Listed, ...] = ()
     unread: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    start: tuple[float, float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.md)
@@ -79,7 +81,8 @@ class WellStations:
 def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStations:
     """Read `md_m` (or `md_ft`), `inclination_deg`, `azimuth_deg`, `azimuth_reference`; a survey file has them all.
 
-    Rows that have neither inclination nor azimuth are left out: logs say so of depths that were not surveyed.
+    Rows that have neither inclination nor azimuth are left out: logs say so of depths that were not surveyed. A file
+    without these columns that has north, east and tvd, or x, y and z, is a path through positions.
 
     Raises
     ------
@@ -101,8 +104,13 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     used = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
     names, gaps = (*SURVEY, *used, *_LISTED), [*others, "temperature_degC", *_LISTED]
-    table = read_table(path, progress, numeric=numbers_among(names), gaps=gaps)
+    opened, numeric = TableFile(path, progress), numbers_among(names)
+    # a channel is not needed here: a tie-in has none
+    gaps += [name for name in opened.take(numeric) if channel(name)]
+    table = opened.read(numeric, gaps)
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
+    if "inclination_deg" not in table and "azimuth_deg" not in table and (axes := _axes(table)):
+        return _through(table, *axes)
     table.require(("inclination_deg", "azimuth_deg"))
     empty = np.isnan(table.number("inclination_deg")) & np.isnan(table.number("azimuth_deg"))
     findings = list(table.findings)
@@ -164,10 +172,65 @@ def _reference(table: Frame) -> str:
             raise table.error(Finding("input-choice", facts), row)
         if cell != cells[0]:
             raise table.error(differs(table, "azimuth_reference", cell, cells[0], 0), row)
+    stated = str(current().constants.get("azimuth_reference", cells[0]))
+    if stated != cells[0]:
+        raise table.error(Finding("table-north-differs", {"value": cells[0], "stated": stated}))
     return cells[0]
 
 
-def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
+def _axes(table: Frame) -> list[Listed] | None:
+    """North, east and vertical of a file that is positions alone; None where one is missing."""
+    found = {one.axis: one for one in reversed(_listed(table, alone=True)[0])}
+    vertical = found.get("tvd", found.get("z"))
+    axes = (found.get("north"), found.get("east"), vertical)
+    return [one for one in axes if one is not None] if all(one is not None for one in axes) else None
+
+
+def _through(table: Frame, north: Listed, east: Listed, vertical: Listed) -> WellStations:
+    """The stations of a file of positions, their angles those of the arcs through them."""
+    up = vertical.axis == "z" and vertical.values[-1] < vertical.values[0]
+    down = Listed("tvd", vertical.name, -vertical.values if up else vertical.values)
+    points = np.stack([north.values, east.values, down.values], axis=1)
+    if len(points) < 3:
+        raise table.error(Finding("input-few", {"name": "stations", "count": len(points), "least": 3}))
+    if np.isnan(points).any():
+        row, axis = (int(x[0]) for x in np.nonzero(np.isnan(points)))
+        raise table.error(Finding("input-empty", {"name": (north, east, vertical)[axis].name}), row)
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if not apart.all():
+        row = int(np.argmin(apart)) + 1
+        raise table.error(Finding("input-repeated", {"name": north.name, "value": float(points[row, 0])}), row)
+    digits = ((unit * 10.0**-n) for n in range(5) for unit in (FOOT, 1.0))
+    exact = (one for one in digits if (np.abs(points / one - np.round(points / one)) < 1e-4).all())
+    resolution = next(exact, 1e-4)  # finer ones are as well met
+    length, inclination, azimuth = through_positions(points, resolution)
+    depths = "md_m" in table or "md_ft" in table
+    if depths:
+        name, md = table.depth()
+        check_increasing(table, name, table.number(name))
+    else:
+        first = max(float(points[0, 2]), 0.0) if vertical.axis == "tvd" else 0.0
+        md = first + np.concatenate([[0.0], np.cumsum(length)])
+    said: dict[str, Value] = {"names": (north.name, east.name, vertical.name), "resolution_m": resolution}
+    said["vertical"] = "elevation" if up else "depth"
+    return WellStations(
+        frozen(md),
+        frozen(inclination),
+        frozen(azimuth),
+        _reference(table),
+        None,
+        None,
+        table.lines,
+        table.path,
+        table.digest,
+        (north, east, down),
+        (),
+        (*table.findings, Finding("readings-through-positions", said, severity="note")),
+        tuple(points[0].tolist()),
+    )
+
+
+def _listed(table: Frame, alone: bool = False) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     """Columns of positions, and the names of those that cannot be read; nothing of the path depends on them."""
     found: list[Listed] = []
     unread: list[str] = []
@@ -180,7 +243,7 @@ def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
         if not isinstance(cells, tuple) or not any(cells):
             continue
         try:
-            what = listed_axis(name, profile.units)
+            what = listed_axis(name, profile.units, alone)
             if what is None:
                 continue
             reader = NumberReader(table.path)
@@ -243,9 +306,23 @@ def read_tie(path: str | Path, depth: float, north: str) -> tuple[tuple[float, f
     return (values[0], values[1], values[2]), np.nan_to_num(covariance)
 
 
-def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:
-    """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty."""
-    found: dict[str, Array | str] = {
+def position_columns(
+    path: WellPath,
+    uncertainty: PositionUncertainty | None,
+    north: str,
+    *,
+    section: float | None = None,
+    stations: Array | None = None,
+    angles: bool = False,
+    feet: bool = False,
+) -> dict[str, Array | str | list[str]]:
+    """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty.
+
+    section : azimuth of the vertical section, rad, a column more; from north 0, east 0.
+    stations : measured depths of the stations of a path that has points between them, a column more.
+    angles : inclination and azimuth as well. feet : lengths in ft, dogleg in deg/100 ft.
+    """
+    found: dict[str, Array | str | list[str]] = {
         "md_m": path.md,
         "tvd_m": path.tvd,
         "north_m": path.north,
@@ -255,7 +332,7 @@ def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, no
     unknown = np.full(len(path), np.nan)
     found |= dict.fromkeys(POSITION[5:-1], unknown)
     if uncertainty is not None:
-        covariance = uncertainty.covariance
+        covariance = uncertainty.covariance if stations is None else uncertainty.between(path.md)
         ellipse = horizontal_ellipse(covariance)
         sigmas = hole_sigmas(covariance, path.inclination, path.azimuth)
         found |= _covariance_columns(covariance)
@@ -263,7 +340,24 @@ def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, no
         found["major_azimuth_deg"] = writing.degrees(ellipse.direction)
         found |= dict(zip(POSITION[-4:-1], sigmas.T, strict=True))
     found["north_reference"] = north
-    return {name: found[name] for name in POSITION}
+    if section is not None:
+        found["section_m"] = path.north * np.cos(section) + path.east * np.sin(section)
+    if angles:
+        found |= {"inclination_deg": writing.degrees(path.inclination), "azimuth_deg": writing.degrees(path.azimuth)}
+    if stations is not None:
+        found["point"] = np.where(np.isin(path.md, stations), "station", "between").tolist()
+    return _in_feet(found) if feet else found
+
+
+def _in_feet(columns: Mapping[str, Array | str | list[str]]) -> dict[str, Array | str | list[str]]:
+    """The same columns in ft, ft2 and deg/100 ft."""
+    found: dict[str, Array | str | list[str]] = {}
+    for name, one in columns.items():
+        own, factor = (f"{name[:-2]}_ft", 1.0 / FOOT) if name.endswith("_m") else (name, 1.0)
+        own, factor = (f"{name}_ft2", FOOT**-2) if name in COVARIANCES else (own, factor)
+        own, factor = ("dls_deg_100ft", 100.0 * FOOT / 30.0) if name == "dls_deg_30m" else (own, factor)
+        found[own] = one * factor if isinstance(one, np.ndarray) else one
+    return found
 
 
 def _covariance_columns(covariance: Array) -> dict[str, Array]:
@@ -277,12 +371,13 @@ def write_position_csv(
     uncertainty: PositionUncertainty | None,
     north: str,
     comments: Sequence[str] = (),
+    **more: Any,
 ) -> None:
     """Write positions of the stations; parameters as in `position_columns`.
 
     Columns: `POSITION`. Without an uncertainty its cells are empty. Comments stand above the names, after `#`.
     """
-    columns = position_columns(path, uncertainty, north)
+    columns = position_columns(path, uncertainty, north, **more)
     cells = {name: [values] * len(path) if isinstance(values, str) else values for name, values in columns.items()}
     writing.write_columns(cells, target, comments)
 

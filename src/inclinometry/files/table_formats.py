@@ -26,11 +26,11 @@ NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
 """A line drawn below the names."""
 LEGS: Final = re.compile(
-    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inclination)\b.*"
-    r"|\*(begin|data|calibrate|units)\b.*|cent(re|er)line\b.*",
+    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inc|inclination)\b.*"
+    r"|\*(begin|data|calibrate|units)\b.*|cent(re|er)line\b.*|survey name:.*|#units\b.*",
     re.I,
 )
-"""Above the legs of a cave: names, in a comment or not; a command of Survex or Therion."""
+"""Above the legs of a cave: names, in a comment or not; a command of Survex, Therion, Compass or Walls."""
 LOOKED: Final = 400
 """Lines by which a layout is found."""
 
@@ -184,6 +184,7 @@ class TextTable:
         self.path, self.names, self.line, self.mark = path, list[str](), 0, ""
         self.north: str | None = None
         self.second = 0
+        self._other: Finding | None = None
         self.quick: Callable[[str], list[Cells] | None] | None = None
         first = next(blocks, None)
         self._blocks = blocks if first is None else chain([first], blocks)
@@ -199,15 +200,22 @@ class TextTable:
 
         Plain to see are names above rows of numbers; numbers without names are refused.
         """
+        lines = [line_of(row) for row in first.lines[:LOOKED]]
+        rows = [re.split(r"[,;\s]+", line.strip()) for line in lines]
+        numbers = [sum(NUMBER.fullmatch(cell) is not None for cell in row) for row in rows]
+        if max(numbers, default=0) < 2:
+            self._other = Finding("file-empty", {"what": "rows of numbers"})
         if given.states_layout:
             return given
-        lines = [line_of(row) for row in first.lines[:LOOKED]]
         refuse_legs(lines, self.path, first.first)
         place = named_place(lines)
         if place is not None:
             row = first.lines[place]
             first.lines[place] = row.lstrip().lstrip("# ") if isinstance(row, str) else [row[0].lstrip("# "), *row[1:]]
         found, _ = find_layout(lines)
+        if not found.header and next((count for row, count in zip(rows, numbers, strict=True) if row[0]), 0):
+            names = rows[numbers.index(max(numbers))][:3]
+            self._other = self._other or Finding("table-names-numbers", {"names": tuple(names)})
         if found.header and found.lays_out:
             self._find_head(first, lines, found)
             return with_layout(given, found)
@@ -335,7 +343,7 @@ class TextTable:
             self.second += 1
             return False
         if len(row) < width or any(map(_filled, row[width:])):
-            raise FileError(row_width(len(row), width), path=self.path, line=line)
+            raise FileError(self._other or row_width(len(row), width), path=self.path, line=line)
         return True
 
     def _check_comment(self, row: Sequence[Any], line: int) -> None:

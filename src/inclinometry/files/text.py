@@ -19,6 +19,7 @@ from inclinometry.arrays import Array
 from inclinometry.errors import FileError, system_reason
 from inclinometry.files._quantities import words_beyond_ascii
 from inclinometry.files.frame import row_error
+from inclinometry.files.not_read import not_read
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, not_text, opened, too_large
 
@@ -197,7 +198,6 @@ Progress = Callable[[int], None]
 
 OLD_EXCEL: Final = b"\xd0\xcf\x11\xe0"
 """Begins a workbook older than 2007, and one with a password."""
-_MAGIC = {b"%PDF": "PDF", OLD_EXCEL: "Excel 97 (.xls)", b"<!DOCTYPE html": "HTML", b"<html": "HTML"}
 
 
 class Block(NamedTuple):
@@ -294,13 +294,12 @@ class LineReader:
 
 def _refuse_kind(start: bytes, path: Path) -> None:
     """FileError for what is plainly no text in an encoding that is read."""
+    if (found := not_read(path, start)) is not None:
+        raise FileError(found, path=path)
     if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
         raise FileError(not_text("utf-8", "UTF-32"), path=path)
     if b"\0" in start and not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise FileError(not_text("utf-8", "0x00"), path=path)
-    for magic, what in _MAGIC.items():
-        if start.lower().startswith(magic.lower()):
-            raise FileError(Finding("file-kind", {"format": what, "wanted": (".xlsx", ".csv")}), path=path)
 
 
 def wide(data: bytes) -> bytes | None:

@@ -328,6 +328,17 @@ class PositionUncertainty(Tabular):
         rest = whole - sum(trace for trace, _ in traces)
         return pooled_freedom([*traces, (rest, np.inf)])
 
+    def between(self, md: Array) -> Array:
+        """Covariance (m, 3, 3) at depths, m: between stations errors are linear in depth, random covariances too."""
+        k = np.clip(np.searchsorted(self.survey.md, md, side="right") - 1, 0, len(self) - 2)
+        f = ((md - self.survey.md[k]) / np.diff(self.survey.md)[k])[:, None, None]
+        total = (1.0 - f) * self.covariance[k] + f * self.covariance[k + 1]
+        for one in self.sources.values():
+            if one.propagation != "random":  # ((1 - f) a + f b)^2 = (1 - f) a^2 + f b^2 - f (1 - f) (b - a)^2
+                step = np.diff(one.vectors, axis=1)[:, k]
+                total -= f * (1.0 - f) * np.einsum("pmi,pmj->mij", step, step)
+        return np.asarray(total)
+
     def widened(self, probability: float) -> Array:
         """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.
 

@@ -536,14 +536,16 @@ def position_report(
     findings: Sequence[Finding] = (),
     notes: Sequence[str] = (),
     inputs: Mapping[str, str] | None = None,
+    section: float | None = None,
 ) -> str:
     """A well's path and its uncertainty as one self-contained HTML page; its picture in space turns without a network.
 
-    `path` counts from `survey.north`; `azimuth_reference` is the north the survey's azimuths came from.
+    `path` counts from `survey.north`; `azimuth_reference` is the north the survey's azimuths came from; `section` is
+    the azimuth of the vertical section, rad.
     """
     covariance = None if uncertainty is None else uncertainty.widened(PROBABILITY)
     magnify = magnification(path, covariance)
-    direction = section_azimuth(path)
+    direction = section_azimuth(path) if section is None else section
     flat = magnification(path, covariance, EAST_NORTH)
     upright = magnification(path, covariance, section_axes(direction))
     shown = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,11 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import InputError, out_of_range
-from inclinometry.findings import Finding
-from inclinometry.survey.path import Path, checked_stations, minimum_curvature
+from inclinometry.findings import Finding, Value
+from inclinometry.survey.path import Path, checked_stations, directions, minimum_curvature
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run, angle_between
+from inclinometry.survey.run_stations import SHARPEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,36 @@ def inclination_of_dip(dip: ArrayLike, *, down_positive: bool) -> Array:
     """
     sign = -1.0 if down_positive else 1.0
     return np.asarray(0.5 * np.pi + sign * finite(dip, "dip"))
+
+
+def check_holes(runs: Mapping[str, Run]) -> list[Finding]:
+    """Each hole as a run whose sharpest bend is 20 times the usual one of the table, and the holes that go up."""
+    bends = [
+        angle_between(t[1:], t[:-1]) / np.diff(run.md)
+        for run in runs.values()
+        for t in (directions(run.inclination, run.azimuth),)
+    ]
+    every = np.concatenate([np.zeros(0), *bends])
+    usual = float(np.median(every)) if len(every) >= 8 else np.inf
+    sharpest = min(max(20.0 * usual, np.radians(10.0) / 30.0), SHARPEST)
+    least = 4.0  # deg: shots err by degrees, and are read in whole ones
+    found = []
+    for name, run in runs.items():
+        for one in check_run(run, sharpest):
+            off, chance = (float(str(one.values.get(key, x))) for key, x in (("off_deg", least), ("chance", 0.0)))
+            rare = off >= least and chance * len(runs) <= 1e-2  # in one of so many holes
+            if rare and (one.severity == "refused" or one.code != "run-repeated"):
+                found.append(Finding("holes-run", {"hole": name, "finding": one}))
+    if up := [name for name, run in runs.items() if np.median(run.inclination) > np.radians(91.0)]:
+        values: dict[str, Value] = {"count": len(up), "total": len(runs), "names": some_names(up)}
+        found.append(Finding("holes-up", values, severity="note"))
+    return found
+
+
+def some_names(names: Iterable[str]) -> str:
+    """Up to eight of many names."""
+    shown = list(names)
+    return ", ".join(shown[:8]) + (", ..." if len(shown) > 8 else "")
 
 
 def drill_hole(depth: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, end: float | None = None) -> Hole:

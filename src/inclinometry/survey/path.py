@@ -297,6 +297,39 @@ def tortuosity(path: Path) -> Tortuosity:
     return Tortuosity(cumulative, net, np.maximum(cumulative - net, 0.0), rate)
 
 
+def through_positions(positions: Array, resolution: float) -> tuple[Array, Array, Array]:
+    """Lengths (n - 1,) of the arcs through positions (n, 3) north, east, down, m; inclination, azimuth (n,), rad.
+
+    t1 + t2 = 2 cos(beta/2) c with the chord's direction c gives every direction from the first, but rounded positions
+    make them swing to and fro. Least squares: that within the positions' `resolution`, m, and changes of curvature
+    within 1 deg/30 m from course to course.
+    """
+    from scipy.linalg import solveh_banded  # loaded by those who need it
+
+    step = np.diff(positions, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    weight, smooth = 6.0 * (length / resolution) ** 2, (30.0 / np.radians(1.0)) ** 2
+    lower = np.zeros((3, len(positions)))
+    lower[0, :-1] += weight / 4.0
+    lower[0, 1:] += weight / 4.0
+    lower[1, :-1] += weight / 4.0
+    change = np.stack([1.0 / length[:-1], -1.0 / length[:-1] - 1.0 / length[1:], 1.0 / length[1:]])
+    for i in range(3):
+        for j in range(i + 1):
+            lower[i - j, j : len(change[0]) + j] += smooth * change[i] * change[j]
+    half = np.zeros_like(length)
+    for _ in range(4):  # the doglegs are small, and follow at once
+        wanted = (0.5 * weight * np.cos(half) / length)[:, None] * step
+        right = np.zeros_like(positions)
+        right[:-1] += wanted
+        right[1:] += wanted
+        t = solveh_banded(lower, right, lower=True)
+        t /= np.linalg.norm(t, axis=1)[:, None]
+        half = np.arctan2(np.linalg.norm(t[1:] - t[:-1], axis=1), np.linalg.norm(t[1:] + t[:-1], axis=1))
+    level = np.hypot(t[:, 0], t[:, 1])
+    return length / np.sinc(half / np.pi), np.arctan2(level, t[:, 2]), wrap_positive(np.arctan2(t[:, 1], t[:, 0]))
+
+
 def directions(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
     """Unit vectors (..., 3) along the hole, in north, east, down.
 

@@ -26,19 +26,25 @@ from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import directions
 from inclinometry.survey.run import JUMP, Channels, Run, Smoothness, last_digit, scatter, smoothness
-from inclinometry.survey.run_stations import check_depths, check_repeats, check_stations, check_vertical_depths
+from inclinometry.survey.run_stations import (
+    SHARPEST,
+    check_depths,
+    check_repeats,
+    check_stations,
+    check_vertical_depths,
+)
 
 
-def check_run(run: Run) -> list[Finding]:
+def check_run(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
     """The mistakes a run seems to hold, refusals first; empty for a run that can be true.
 
     One mistake gives one finding: with a wrong column or axis no station is judged. Rows with an angle that is not
     finite are left out.
     """
     rows = np.flatnonzero(np.isfinite(run.inclination) & np.isfinite(run.azimuth))
-    if len(rows) < 3:
-        return []
     kept = run if len(rows) == len(run.md) else run.rows(rows)
+    if len(rows) < 3:
+        return check_stations(kept, sharpest) if len(rows) == 2 else []
     found = [*check_depths(kept.md), *check_vertical_depths(kept), *check_repeats(kept), *_constant(kept)]
     depths_right = not any(one.group == "depths" and one.severity == "refused" for one in found)
     found += _steps(kept)
@@ -60,7 +66,7 @@ def check_run(run: Run) -> list[Finding]:
             whole = _channels(kept, stepped=bool(whole)) or whole or (_angles(kept) if depths_right else [])
         found += whole or ([*_radians(kept), *_beginning(kept)] if depths_right else [])
         if depths_right and not any(one.group in ("columns", "axes", "units", "totals") for one in found):
-            found += check_stations(kept)
+            found += check_stations(kept, sharpest)
         found += [] if any(one.group == "totals" for one in found) else _totals(kept)
     return sorted((_placed(one, rows) for one in found), key=lambda one: one.severity != "refused")
 
@@ -227,7 +233,10 @@ def _constant(run: Run) -> list[Finding]:
         seen, digit = scatter(other[kept], run.md[kept]), last_digit(other[kept])
         if not max(0.02, digit) < seen < (0.6 if name == "azimuth" else 2.0):
             continue
-        seen = seen / across[kept].mean() if name == "azimuth" else seen * across[kept].mean()
+        if name == "azimuth":
+            seen /= across[kept].mean()
+        else:  # read better than azimuth; a vertical hole's azimuths would scatter more
+            seen = max(0.2 * seen * across[kept].mean(), 0.1 if across[kept].max() <= 0.1 else 0.0)
         others = np.delete(rows, range(first, first + length))
         rest = own[others]
         if len(rest) and scatter(rest, run.md[others]) < 0.02:

@@ -105,7 +105,7 @@ def _courses_in_feet(course: Array) -> int:
 
 
 def check_vertical_depths(run: Run) -> list[Finding]:
-    """Courses are uneven as measured depths and even along the hole as true vertical ones."""
+    """Courses uneven as measured depths and even along the hole as true vertical depths."""
     down, course = np.cos(run.inclination), np.diff(run.md)
     down = 0.5 * (down[1:] + down[:-1])
     if len(course) < 10 or (down < 0.02).any() or (course <= 0.0).any():
@@ -274,12 +274,49 @@ def _not_planned(run: Run, block: Block) -> bool:
 # Single stations and parts of a run.
 
 
-def check_stations(run: Run) -> list[Finding]:
+SHARPEST: Final = np.radians(60.0) / 30.0
+"""Bend of a hole, rad/m, above which a typing error is likelier; short-radius wells stay below."""
+
+
+def check_stations(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
+    if len(t) < 3:
+        return _sharp(run, t, sharpest)
     smooth = smoothness(run.md, t)
     found = _order(run, t, smooth) or [*(_parts(run, t, smooth) or _turn(run, t)), *_single(run, t, smooth)][:3]
-    return found or _outermost(run.md, t)
+    return found or _outermost(run.md, t) or _sharp(run, t, sharpest)
+
+
+def _sharp(run: Run, t: Array, sharpest: float) -> list[Finding]:
+    """A bend sharper than a hole's, and the reading without which the hole does not bend so."""
+    if run.g is not None:
+        return []
+    course, dogleg = np.diff(run.md), np.asarray(angle_between(t[1:], t[:-1]))
+    # an error of 3 deg bends stations that are close together
+    k = int(np.argmax(dogleg / course - np.radians(3.0) / course))
+    size = float(dogleg[k])
+    if size < sharpest * course[k] + np.radians(3.0):
+        return []
+    values: dict[str, Value] = {"severity": float(np.degrees(size / course[k]) * 30.0), "md_m": float(run.md[k])}
+    tried = []
+    for row in (k, k + 1) if 3 <= len(t) < 8 else ():
+        fits, likelier = misread_station(run, t, row, size)
+        if fits:
+            changed = t.copy()
+            changed[row] = directions(*(np.radians([fits[f"fits_{name}_deg"]]) for name in ("inclination", "azimuth")))
+            left = np.asarray(angle_between(changed[1:], changed[:-1]))[max(row - 1, 0) : row + 1]
+            tried += (
+                [(likelier, row, fits | {"usual_deg": float(np.degrees(left.max()))})]
+                if left.max() < 0.25 * size
+                else []
+            )
+    if not tried:
+        values |= {"next_m": float(run.md[k + 1]), "station": k + 2}
+        return [Finding("run-dogleg", values, (k, k + 1))]
+    likelier, row, fits = max(tried, key=lambda one: one[0])
+    values = {"station": row + 1, "md_m": float(run.md[row]), "off_deg": float(np.degrees(size))}
+    return [Finding("run-station-misread", values | {"log_ratio": likelier} | fits, (row,))]
 
 
 def _order(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:

@@ -18,6 +18,7 @@ from inclinometry.errors import FileError, InclinometryError, in_file, not_among
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
 from inclinometry.files.frame import Column
+from inclinometry.files.not_read import kind_not_read
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding
@@ -89,7 +90,8 @@ def format_of(path: str | Path, name: str | None = None, option: str = "--from")
     if found is None and option == "--from" and ending in TABLES:
         return "csv"
     if found is None:
-        raise FileError(Finding("work-format", {"option": option, "known": tuple(known)}), path=path)
+        unknown = Finding("work-format", {"option": option, "known": tuple(known)})
+        raise FileError((option == "--from" and kind_not_read(Path(path))) or unknown, path=path)
     return found
 
 

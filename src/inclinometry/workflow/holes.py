@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +14,9 @@ from inclinometry.files.columns import closest
 from inclinometry.files.holes_csv import Collar, Shots, read_collars, read_shots
 from inclinometry.files.text import Progress
 from inclinometry.findings import Finding, Value
-from inclinometry.survey.holes import Hole, drill_hole, inclination_of_dip
+from inclinometry.survey.holes import Hole, check_holes, drill_hole, inclination_of_dip, some_names
 from inclinometry.survey.path import Path as HolePath
 from inclinometry.survey.path import interpolate, minimum_curvature
-from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
 
 
@@ -44,8 +43,13 @@ def read_holes(
     skip_faulty: bool = False,
     progress: Progress | None = None,
 ) -> Holes:
-    """Positions of all holes of a table; `azimuth_add` (rad) brings azimuths to the north of the collars."""
+    """Positions of all holes of a table; `azimuth_add` (rad) brings azimuths to the north of the collars.
+
+    Where rows of the table state grid and magnetic north, it is added to the magnetic rows.
+    """
     shots = read_shots(surveys, progress)
+    if shots.magnetic is not None and azimuth_add == 0.0:
+        raise shots.table.error(Finding("holes-norths", {"count": int(shots.magnetic.sum())}))
     inclination = _inclinations(shots, dip_down)
     known, inputs = None, {Path(surveys).name: shots.table.digest}
     if collars is not None:
@@ -54,7 +58,7 @@ def read_holes(
     found: dict[str, Hole] = {}
     starts: dict[str, tuple[float, float, float]] = {}
     faults: dict[str, Finding] = {}
-    unusual: list[Finding] = []
+    runs: dict[str, Run] = {}
     for name, rows in shots.rows.items():
         try:
             collar = None if known is None else _collar(name, known, Path(collars or ""))
@@ -62,32 +66,26 @@ def read_holes(
             end = None if collar is None or np.isnan(collar.end) else collar.end
             found[name] = drill_hole(run.md, run.inclination, run.azimuth, end)
             starts[name] = (0.0, 0.0, 0.0) if collar is None else (collar.east, collar.north, collar.elevation)
-            unusual += [Finding("holes-run", {"hole": name, "finding": one}) for one in check_run(run)]
+            runs[name] = run
         except InputError as error:
             row = error.finding.rows[0] if error.finding.rows else 0
             values: dict[str, Value] = {"hole": name, "line": int(shots.table.lines[rows[row]])}
             faults[name] = Finding("holes-left-out", values | {"fault": error.finding})
     if faults and not (skip_faulty and found):
         first = dict(next(iter(faults.values())).values)
-        first |= {"count": len(faults), "total": len(shots.rows), "names": _some(faults)}
+        first |= {"count": len(faults), "total": len(shots.rows), "names": some_names(faults)}
         raise FileError(Finding("holes-faulty", first, severity="refused"), path=surveys)
-    said = [*faults.values(), *unusual]
+    said = [*faults.values(), *check_holes(runs)]
     if alone := [name for name in known or () if name not in shots.rows]:
-        said.append(Finding("holes-collar-alone", {"count": len(alone), "names": _some(alone)}))
+        said.append(Finding("holes-collar-alone", {"count": len(alone), "names": some_names(alone)}))
     if known is None:
         said.append(Finding("holes-no-collars", severity="note"))
     said.append(Finding("holes-north", {"added_deg": float(np.degrees(azimuth_add))}, severity="note"))
     for where in ("single shot", "first shot", "last shot"):
         if names := [name for name, hole in found.items() if where in hole.straight]:
-            straight: dict[str, Value] = {"where": where, "count": len(names), "names": _some(names)}
+            straight: dict[str, Value] = {"where": where, "count": len(names), "names": some_names(names)}
             said.append(Finding("holes-straight", straight, severity="note"))
     return Holes(found, starts, faults, tuple(said), inputs)
-
-
-def _some(names: Iterable[str]) -> str:
-    """Up to eight of many names."""
-    shown = list(names)
-    return ", ".join(shown[:8]) + (", ..." if len(shown) > 8 else "")
 
 
 def positions_every(path: HolePath, step: float) -> HolePath:
@@ -95,10 +93,11 @@ def positions_every(path: HolePath, step: float) -> HolePath:
     grid = np.arange(1, int(path.md[-1] / step) + 1) * step
     # a grid point that is a station, but for rounding, is that station
     near = np.abs(grid[:, None] - path.md[np.searchsorted(path.md, grid)[:, None].clip(1, len(path) - 1) + [-1, 0]])
-    grid = grid[(near.min(axis=1) > 1e-6) & (grid < path.md[-1])]
+    grid = grid[(near.min(axis=1) > 1e-6) & (grid > path.md[0]) & (grid < path.md[-1])]
     md = np.sort(np.concatenate([path.md, grid]))
     points = interpolate(path, md)
-    return minimum_curvature(md, points.inclination, points.azimuth)
+    start = (path.north[0], path.east[0], path.tvd[0])
+    return minimum_curvature(md, points.inclination, points.azimuth, start=start)
 
 
 def _inclinations(shots: Shots, dip_down: str | None) -> Array:
@@ -130,11 +129,14 @@ def _collar(name: str, known: Mapping[str, list[Collar]], path: Path) -> Collar:
 def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) -> Run:
     """The shots of one hole as a run; InputError at its first fault, whose row counts within the hole."""
     depth, slope, heading = shots.depth[rows], inclination[rows], shots.azimuth[rows]
+    turn = azimuth_add * (np.ones(len(rows)) if shots.magnetic is None else shots.magnetic[rows])
     # straight up or down every azimuth is the same direction
-    heading = np.where(np.isnan(heading) & (np.sin(slope) < 1e-9), -azimuth_add, heading)
+    heading = np.where(np.isnan(heading) & (np.sin(slope) < 1e-9), -turn, heading)
     angle, stated = ("inclination", slope) if shots.dip is None else ("dip", shots.dip[rows])
     bounds = {angle: (0.0 if shots.dip is None else -90.0, 180.0 if shots.dip is None else 90.0)}
-    bounds["azimuth"] = (-360.0, 360.0)
+    below = shots.azimuth[shots.azimuth < 0.0]
+    mark = below.size and np.allclose(below, np.radians(-99.0))  # of an empty cell, where no other azimuth is negative
+    bounds["azimuth"] = (0.0 if mark else -360.0, 360.0)
     columns = {"depth": depth, angle: stated, "azimuth": heading}
     for k in range(len(rows)):
         for what, column in columns.items():
@@ -142,10 +144,13 @@ def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) ->
             if np.isnan(column[k]):
                 raise InputError(Finding("table-empty", {"column": what}, (k,)))
             if not low - 1e-9 <= column[k] <= high + 1e-9:
-                values: dict[str, Value] = {"name": what, "value": float(np.degrees(column[k]))}
+                value = round(float(np.degrees(column[k])), 6)
+                if abs(value) >= 900.0 or abs(value) == 99.0:
+                    raise InputError(Finding("table-null", {"column": what, "value": value}, (k,)))
+                values: dict[str, Value] = {"name": what, "value": value}
                 values["allowed"] = f"{bounds[what][0]:g} .. {bounds[what][1]:g} deg"
                 raise InputError(Finding("input-value", values, (k,)))
         if k and depth[k] <= depth[k - 1]:
             values = {"md_m": float(depth[k]), "last_m": float(depth[k - 1])}
             raise InputError(Finding("holes-depth-order", values, (k,), "refused"))
-    return Run(depth, slope.clip(0.0, np.pi), heading + azimuth_add)
+    return Run(depth, slope.clip(0.0, np.pi), heading + turn)

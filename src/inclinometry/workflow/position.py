@@ -31,7 +31,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
-from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.survey.run import Run
@@ -183,8 +183,9 @@ def read_position(
     for one in wells:
         said += _against_listed(one, site)
     said += declination_doubts(site)
-    for one in () if findings else wells:
-        said += _sharp(one, minimum_curvature(one.md, one.inclination, one.azimuth) if below else path)
+    if site.date is not None and site.date.year < 1978:  # the first measurement while drilling
+        mwd = [one for one in codes if one is not None and "mwd" in one.name.lower()]
+        said += [Finding("work-code-date", {"code": one.name, "date": str(site.date)}) for one in mwd]
     said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
     inputs = {}
     for number, (files, one) in enumerate(zip(runs, wells, strict=True), 1):
@@ -256,13 +257,13 @@ def _model(
     name = None
     # depths are written to the centimetre; a run that is not the whole well may have stations that others replace
     low, high = float(well.md[first]) - 0.005, float(well.md[last]) + 0.005
-    part = last - first + 1 < len(well)
+    part, rows = last - first + 1 < len(well), slice(first, last + 1)
     if run.tool is not None:
         calibration, said = at_the_run(read_calibration(run.tool), run.tool, well.site, age, otherwise=1.0)
         raw = None if run.raw is None else read_raw_survey(run.raw)
         correction, warned = _stored(run.corrections, run.tool, calibration, raw, well.site)
         raw = raw.between(low, high) if raw is not None and part else raw
-        model = calibration_error_model(calibration, well, stations, raw, code, correction)
+        model = calibration_error_model(calibration, well, stations, raw, code, correction, rows)
         said = [*said, *warned]
         name = "the tool" if calibration.tool.name in ("", "unnamed") else calibration.tool.name
     if run.errors is not None:
@@ -271,32 +272,21 @@ def _model(
     sources, code, more = model
     said += more if code is None else [*more, *code.findings]
     if code is not None and code.east_west_exclusion:
-        rows = slice(first, last + 1)
         magnetic = convert_azimuth(well.true_azimuth[rows], "true", "magnetic", well.site)
         across = np.abs(np.sin(well.inclination[rows]) * np.sin(magnetic))
         near = np.flatnonzero(across > np.cos(code.east_west_exclusion))
         if near.size:
-            where: dict[str, Value] = {
-                "code": code.name,
-                "count": int(near.size),
-                "md_m": float(well.md[first + near[0]]),
-            }
-            said.append(Finding("work-east-west", where | {"limit_deg": float(np.degrees(code.east_west_exclusion))}))
+            where: dict[str, Value] = {"code": code.name, "limit_deg": float(np.degrees(code.east_west_exclusion))}
+            where |= {"count": int(near.size), "md_m": float(well.md[first + near[0]])}
+            said.append(Finding("work-east-west", where))
     return sources, code, name, said
 
 
 def _all_codes(codes: Sequence[ToolCode]) -> ToolCode | None:
-    """The tool codes of several runs as a report describes them."""
-    by_name = {one.name: one for one in codes}
-    if len(by_name) < 2:
-        return next(iter(by_name.values()), None)
-    texts = {
-        name: "; ".join(dict.fromkeys(getattr(one, name) for one in by_name.values()))
-        for name in ("name", "source", "revision", "description")
-    }
-    terms = {term.name: term for one in by_name.values() for term in one.terms}
-    parameters = {name: value for one in by_name.values() for name, value in one.parameters.items()}
-    return replace(codes[0], **texts, terms=tuple(terms.values()), parameters=parameters, continuous_above=0.0)
+    """The tool codes of several runs as a report describes them: names and sources of all, terms of the first."""
+    names = ("name", "source", "revision", "description")
+    texts = {name: "; ".join(dict.fromkeys(getattr(one, name) for one in codes)) for name in names}
+    return replace(codes[0], **texts) if codes else None
 
 
 def _stored(
@@ -328,8 +318,8 @@ def _start(
     if tie_from is not None:
         return *read_tie(tie_from, first, north), []
     tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-    if tie_on is not None:
-        return tie_on, tie, []
+    if tie_on is not None or stations.start is not None:
+        return tie_on or stations.start or (0.0, 0.0, first), tie, []
     said = [Finding("work-no-tie", {"md_m": first}, severity="note")] if first > 0.0 else []
     return (0.0, 0.0, first), tie, said
 
@@ -441,15 +431,3 @@ def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
         if (off > allowed).any() and (back <= allowed).all() and back.max() < 0.25 * off.max():
             return there.tolist()
     return found
-
-
-def _sharp(stations: WellStations, path: WellPath) -> list[Finding]:
-    """A bend sharper than a hole's, where nothing else was found."""
-    severity = dogleg_severity_deg(path)
-    # deg/30 m above which a typing error is likelier than a hole; short-radius wells stay below, and so does what an
-    # error of 3 deg makes of stations close together
-    row = 1 + int(np.argmax(severity[1:] - 90.0 / np.diff(stations.md)))
-    if severity[row] - 90.0 / (stations.md[row] - stations.md[row - 1]) <= 60.0:
-        return []
-    where = {"severity": float(severity[row]), "md_m": float(stations.md[row]), "line": int(stations.lines[row])}
-    return [Finding("work-dogleg", where, (row,))]

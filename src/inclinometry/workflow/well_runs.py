@@ -74,4 +74,5 @@ def one_well(wells: Sequence[WellStations], site: Site, north: str) -> tuple[Wel
     lines = np.concatenate([one.lines for one in wells])[order]
     said = tuple(one for well in wells for one in well.findings)
     whole = replace(first, md=md, inclination=slope[order], azimuth=azimuth[order], azimuth_reference=reference)
-    return replace(whole, toolface=toolface, temperature=temperature, lines=lines, findings=said), pieces, found
+    whole = replace(whole, toolface=toolface, temperature=temperature, lines=lines, findings=said)
+    return replace(whole, start=wells[pieces[0][2]].start), pieces, found
