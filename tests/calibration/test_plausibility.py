@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from tests.refusals import coded, fits
+from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.conformity import verify
@@ -459,12 +459,12 @@ def test_one_position_is_no_verification():
     again = run(2).take([3] * 5)
     noise = np.random.default_rng(1)
     noisy = {kind: values + noise.normal(0.0, 0.5, values.shape) for kind, values in again.channels.items()}
-    with coded("verify-one-position"):
+    with refused("verify-one-position"):
         verify(replace(again, channels=noisy, digest=""), found)
 
 
 def test_serial_numbers_are_compared():
     found = calibrate_joint(run(), name="IN-7")
     verify(replace(run(2), serial="in 7"), found)
-    with coded("work-other-tool"):
+    with refused("work-other-tool"):
         verify(replace(run(2), serial="IN-8"), found)

@@ -83,7 +83,7 @@ def without_effects(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def frozen_channels(readings: BenchReadings) -> list[Finding]:
-    """Channels that keep one value at neighbouring stations at which the others of their triad say that it changed.
+    """Channels that keep one value at neighbouring stations, although the others of their triad see a change.
 
     By a fit of the channel to the field that the others see, at the other stations; refused.
     """
@@ -243,7 +243,7 @@ def odd_stations(readings: BenchReadings) -> list[int]:
 
 
 def _few_odd(readings: BenchReadings, signals: Mapping[str, Array], own: Mapping[str, float], times: float) -> bool:
-    """Whether a run without one station, or the odd ones, fits nearly as many times better: those alone are wrong."""
+    """Whether a run without one station, or without the odd stations, fits nearly as many times better."""
     for rows in [*((row,) for row in range(len(readings))), tuple(odd_stations(readings))]:
         azimuth, inclination, toolface = (np.delete(dial, rows) for dial in readings.dials)
         kept = {kind: np.delete(values, rows, axis=0) for kind, values in signals.items()}
