@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -201,6 +202,21 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
         allowed = dict.fromkeys(u.label for key, _ in candidates for u in _units(known[key].dimension).values())
         raise refused("table-unit", {"column": name, "unit": written, "allowed": tuple(allowed)})
     return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
+
+
+def azimuths(names: Collection[str], stated: Collection[str] = ()) -> dict[int, str | None]:
+    """Places of the azimuths, each with the north that its name states.
+
+    >>> azimuths(["MD", "AZIM_TN", "Azi"], ["m", "deg"])
+    {1: 'true', 2: None}
+    """
+    found: dict[int, str | None] = {}
+    for k, name in enumerate(names):
+        for unit in (None, *stated):
+            with suppress(InputError):
+                if (what := meaning(name, unit)) is not None and what.key == "azimuth":
+                    found[k] = what.north
+    return found
 
 
 def columns_called(name: str) -> tuple[str, ...]:
