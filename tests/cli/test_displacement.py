@@ -109,13 +109,17 @@ def test_a_single_run_is_taken_and_says_what_it_lacks(run):
 
 
 def test_a_spike_and_a_changed_bias_are_named(run, two):
-    write("later.csv", SHEAR, 2, bias=0.002)
+    write("later.csv", SHEAR, 2, bias=np.array([0.002, 0.001, 0.001, 0.001]))
     lines = Path("later.csv").read_text().splitlines()
     cells = lines[11].split(",")
     lines[11] = ",".join([*cells[:2], str(float(cells[2]) + 300.0), *cells[3:]])
     Path("later.csv").write_text("\n".join(lines) + "\n")
     done = displace(run, "-o", "found.csv").ok()
-    assert "[holes-bias-change]" in done.err
+    assert "[holes-bias-shift]" in done.err
+    right = displace(run, "--correct", "bias", "rotation", "--json").json
+    assert "correction" in right["readings"]["later"]["axes"]["a"]["components_u_mm"]
+    # half of the spike of 300 digits is left
+    assert right["readings"]["later"]["axes"]["a"]["displacement_mm"][0] == pytest.approx(7.0, abs=0.3)
     (spike,) = [one for one in displace(run, "--json").json["findings"] if one["code"] == "holes-spikes"]
     assert (spike["rows"], spike["values"]["md_m"], spike["values"]["axis"]) == ([11], [5.0], "A")
     assert "spike_a" in Path("found.csv").read_text()

@@ -36,7 +36,7 @@ def refusal(check, *given):
 
 
 def moved(extra=SHEAR):
-    return {axis: s + extra for axis, s in TILT.items()}
+    return {axis: s + (extra[axis] if isinstance(extra, dict) else extra) for axis, s in TILT.items()}
 
 
 def test_a_known_shear_is_found_at_every_depth():
@@ -58,11 +58,57 @@ def test_a_bias_of_both_runs_has_no_effect_and_of_one_run_leans():
     same = displacement(read(), read(bias=(0.004, 0.004)))
     assert np.allclose(same.axes["a"].displacement, 0.0, atol=1e-14)
     assert same.axes["a"].bias_change == pytest.approx(0.006)
-    assert same.findings[0].code == "holes-bias-change"
-    # (b1 - b2) / 2 a step over 60 steps of 0.5 m: 0.03 m, the bound that the warning states
+    assert (same.findings[0].code, same.findings[0].severity) == ("holes-bias-change", "note")
+    # (b1 - b2) / 2 a step over 60 steps of 0.5 m: 0.03 m, which the warning states
     lean = displacement(read(), read(bias=(0.003, 0.001)))
     assert lean.axes["a"].displacement[0] == pytest.approx(0.001 * STEP * N)
-    assert lean.findings[0].values["lean_mm"] == pytest.approx(30.0)
+    assert [(one.code, one.severity) for one in lean.findings[:2]] == [("holes-bias-shift", "warning")] * 2
+    assert lean.findings[0].values["parts"][0].values["false_mm"] == pytest.approx(30.0)
+
+
+TURN, SHIFT = np.radians(1.0), 0.1
+TURNED = {"a": TILT["a"] + TURN * TILT["b"], "b": TILT["b"] - TURN * TILT["a"]}
+DEEPER = {"a": 0.02 + 0.01 * np.sin((DEPTH + SHIFT) / 5.0), "b": 0.015 * np.cos((DEPTH + SHIFT) / 7.0)}
+
+
+@pytest.mark.parametrize("fixed", ["bottom", "top"])
+@pytest.mark.parametrize(
+    ("tilt", "cause", "code", "value", "true"),
+    [
+        (TILT, "bias", "holes-bias-shift", "bias_shift_mm", 1e3 * 5e-4 * STEP),
+        (TURNED, "rotation", "holes-rotation", "rotation_deg", 1.0),
+        (DEEPER, "depth", "holes-depth-shift", "depth_mm", 1e3 * SHIFT),
+    ],
+)
+def test_an_error_between_readings_is_named_under_a_shear_and_taken_away(fixed, tilt, cause, code, value, true):
+    """By hand what is left is the shear, to two U; each end of the casing serves as the fixed one."""
+    base = read(sigma=SIGMA, seed=1)
+    tilt = {"a": tilt["a"] + SHEAR, "b": tilt["b"]}
+    later = read(tilt, bias=(0.002 if cause == "bias" else 0.001, 0.001), sigma=SIGMA, seed=2)
+    later.faces["b"][:, 0] -= 0.001 if cause == "bias" else 0.0
+    stated = CasingErrors(bias_shift=1e-3, rotation=0.1, depth=0.1)
+    found = displacement(base, later, stated, fixed=fixed)
+    (one,) = [one for one in found.findings if one.severity == "warning"]
+    assert one.code == code
+    u = 0.5 * one.values["expanded_deg" if cause == "rotation" else "expanded_mm"]
+    assert abs(one.values[value] - true) <= 3.0 * u
+    assert u < 0.1 * abs(true)
+    right = displacement(base, later, stated, fixed=fixed, correct=[cause])
+    assert [one.code for one in right.findings if one.severity == "warning"] == []
+    truth = displacement(read(), read(moved({"a": SHEAR, "b": 0.0})), fixed=fixed)
+    free = 0 if fixed == "bottom" else -1
+    for axis, moves in right.axes.items():
+        parts = moves.components
+        # what is stated of an error that is taken away no longer counts
+        assert {"bias": "bias shift"}.get(cause, cause) not in parts
+        u = np.hypot(parts["random"], parts["correction"]) if "correction" in parts else parts["random"]
+        assert abs(moves.displacement - truth.axes[axis].displacement)[free] <= 3.0 * u[free]
+
+
+def test_a_shift_of_depths_is_found_of_one_axis():
+    one, other = ({"a": each["a"]} for each in (TILT, DEEPER))
+    found = displacement(read(one, sigma=SIGMA), read(other, sigma=SIGMA, seed=1))
+    assert "holes-depth-shift" in codes(found)
 
 
 @pytest.mark.parametrize("fixed", ["bottom", "top"])

@@ -27,6 +27,7 @@ def displacement(
     sensitivity: Annotated[float, options.quantity("percent", 0.0, 20.0)] = 0.0,
     depth_sd: Annotated[float, options.quantity("mm", 0.0, 10_000.0)] = 0.0,
     rotation: options.Sd = 0.0,
+    correct: Annotated[tuple[Literal["bias", "rotation", "depth"], ...], Parameter(consume_multiple=True)] = (),
     output_: options.OutputOrNone = None,
     report: options.Report = None,
     json: options.Json = False,
@@ -58,6 +59,8 @@ def displacement(
         Standard uncertainty of a shift of all depths since the base reading, mm.
     rotation
         Standard uncertainty of a rotation of the probe's axes since the base reading.
+    correct
+        Errors between the readings to remove where they are found; the uncertainty includes their removal.
     output_
         CSV of all readings.
     """
@@ -65,7 +68,7 @@ def displacement(
     inputs |= {f"reading {n}": path for n, path in enumerate((later, *more), 1)}
     output.check_outputs({"--output": output_, "--report": report}, inputs)
     errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
-    moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit)
+    moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct)
     told = moved.base_sums, moved.found, moved.findings, moved.inputs
     with output.reported(report, "displacement:displacement_report", moved.base.table.path.stem, *told):
         if output_ is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, finite, frozen
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, Severity, Value, refused_if
+from inclinometry.survey.false_movement import false_movement
 from inclinometry.survey.run_stations import copied_block, repeated_block
 
 SPIKE_LIMIT: Final = 5.0
@@ -18,6 +19,8 @@ SPIKE_LIMIT: Final = 5.0
 normal ones has such a value, as their scatter is estimated too."""
 ROUNDING: Final = 1e-12
 """Difference of two sines that is rounding and no reading: a probe resolves 1e-5."""
+RESOLUTION: Final = 1e-6
+"""Noise of a sine, at least: readings without any are not of a probe."""
 STRAIGHT: Final = 0.5
 """Correlation of A0 with -A180 below which the two runs do not show the same casing."""
 
@@ -74,7 +77,9 @@ def _scatter(values: Array, limit: float) -> CheckSums:
     # a probe that reads in coarse units may repeat itself at more than half of the depths
     robust = 1.482602218505602 * float(np.median(distance))
     robust = robust if robust > ROUNDING else float(np.std(values))
-    spikes = distance > max(limit * robust, ROUNDING)
+    far = distance > max(limit * robust, ROUNDING)
+    # whole digits and few depths make the robust scatter too small by chance: the others' scatter counts too
+    spikes = far & (distance > 0.9 * limit * (1.0 + 5.0 / len(values)) * np.std(values[~far]))
     kept = values[~spikes]
     return CheckSums(
         values, float(kept.mean()), float(np.std(kept, ddof=1)) if len(kept) > 1 else np.nan, robust, spikes
@@ -144,18 +149,28 @@ def displacement(
     *,
     fixed: str = "bottom",
     spike_limit: float = SPIKE_LIMIT,
+    correct: Collection[str] = (),
 ) -> Displacement:
     """Displacement of a casing since the base reading, with its standard uncertainty by component.
 
     Runs read s + b + e1 and -s + b + e2, so half the scatter of the change of check-sums is the standard deviation of a
     step's change. Random errors add up as the root of the steps; a spike adds half its distance from the mean. To first
     order a changed bias adds the same at every step, sensitivity k times the deviation from the fixed end, rotation phi
-    times that in the other axis, a shift of depth z times the change of tilt.
+    times that in the other axis, a shift of depth z times the change of tilt. Of these errors, "bias", "rotation" and
+    "depth", those to `correct` are taken away where they are found (`inclinometry.survey.false_movement`).
     """
     errors = CasingErrors() if errors is None else errors
     _belongs(base, now)
     found: list[Finding] = []
-    axes = {axis: _moved(axis, base, now, errors, fixed == "top", spike_limit, found) for axis in now.faces}
+    for axis in now.faces:
+        _same_way({"reading": now.name, "axis": axis.upper()}, base.deviation(axis), now.deviation(axis), found)
+    changes = {
+        axis: _scatter(runs.sum(axis=1) - base.faces[axis].sum(axis=1), spike_limit) for axis, runs in now.faces.items()
+    }
+    taken, errors = _corrected(base, now, changes, errors, fixed, correct, found)
+    axes = {
+        axis: _moved(axis, base, now, errors, fixed, spike_limit, changes[axis], taken[axis], found) for axis in taken
+    }
     depth = np.append(now.depth, now.depth[-1] + now.step)
     return Displacement(frozen(depth), now.step, axes, fixed, tuple(found))
 
@@ -177,15 +192,17 @@ def _moved(
     base: CasingReading,
     now: CasingReading,
     errors: CasingErrors,
-    down: bool,
+    fixed: str,
     spike_limit: float,
+    against: CheckSums,
+    taken: tuple[Array, Array],
     found: list[Finding],
 ) -> AxisDisplacement:
-    """What moved in one axis; what may be wrong is added to `found`."""
+    """What moved in one axis, corrected; what may be wrong is added to `found`."""
     name: dict[str, Value] = {"reading": now.name, "axis": axis.upper()}
+    down = fixed == "top"
     deviation = now.deviation(axis)
-    _same_way(name, base.deviation(axis), deviation, found)
-    steps = deviation - base.deviation(axis)
+    steps = deviation - base.deviation(axis) - taken[0]
     n = len(steps)
     sums: CheckSums | None = None
     change, extra = np.nan, np.zeros(n)
@@ -193,17 +210,16 @@ def _moved(
     random = np.nan if errors.step_sd is None else errors.step_sd
     if now.two_faces:
         sums = check_sums(now.faces[axis], spike_limit)
-        against = _scatter(sums.values - base.faces[axis].sum(axis=1), spike_limit)
         before = check_sums(base.faces[axis], spike_limit)
         change, spikes = against.mean, against.spikes
         repeated = sums.spikes & before.spikes & ~spikes
         extra = np.where(spikes, 0.5 * np.abs(against.values - change) * now.step, 0.0)
         random = 0.5 * against.sd * now.step if errors.step_sd is None else random
-        if abs(change) > max(4.0 * against.sd, 1e-6):
-            lean = 500.0 * abs(change) * now.step * n
-            found.append(
-                Finding("holes-bias-change", name | {"change_mm": 1000.0 * change * now.step, "lean_mm": lean})
-            )
+        shifted = any(one.code == "holes-bias-shift" for one in found)
+        if not shifted and abs(change) > max(4.0 * against.sd / np.sqrt(n), 1e-6):
+            facts: dict[str, Value] = {"change_mm": 1000.0 * change * now.step}
+            facts["lean_mm"] = 500.0 * abs(change) * now.step * n
+            found.append(Finding("holes-bias-change", name | facts, severity="note"))
         kept = np.where(spikes, 0.0, against.values - change)
         together = float(kept[1:] @ kept[:-1]) / max(float(kept @ kept), ROUNDING**2)
         # standard deviations of a correlation of neighbours, one over the root of n, beyond which it is no chance
@@ -229,9 +245,57 @@ def _moved(
         parts["rotation"] = errors.rotation * np.abs(_summed(now.deviation(other), down))
     elif errors.rotation:
         found.append(_unknown(name, "the other axis was not read, so the part of a rotation is not known"))
+    parts["correction"] = taken[1]
     known = {key: frozen(part) for key, part in parts.items() if key == "random" or part.any()}
     moved = (-1.0 if down else 1.0) * _summed(steps, down) + 0.0
     return AxisDisplacement(frozen(steps), frozen(moved), known, sums, change, spikes, repeated)
+
+
+FALSE_MOVEMENTS: Final = {
+    "bias": ("holes-bias-shift", "bias_shift", 1000.0, "mm"),
+    "rotation": ("holes-rotation", "rotation", 180.0 / np.pi, "deg"),
+    "depth": ("holes-depth-shift", "depth", 1000.0, "mm"),
+}
+"""Error between two readings -> its code, the field of `CasingErrors` that it replaces, the unit of its value."""
+
+
+def _corrected(
+    base: CasingReading,
+    now: CasingReading,
+    changes: Mapping[str, CheckSums],
+    errors: CasingErrors,
+    fixed: str,
+    correct: Collection[str],
+    found: list[Finding],
+) -> tuple[dict[str, tuple[Array, Array]], CasingErrors]:
+    """What is taken from the steps of each axis (n,) with its uncertainty (n + 1,), and the errors that are left."""
+    taken = {axis: (np.zeros(len(now.depth)), np.zeros(len(now.depth) + 1)) for axis in now.faces}
+    if not now.two_faces:  # no check-sums: the noise is not known
+        return taken, errors
+    then, later = (np.stack([one.deviation(axis) for axis in now.faces]) for one in (base, now))
+    noise = np.array([0.5 * max(one.sd, one.robust_sd, RESOLUTION) * now.step for one in changes.values()])
+    sums = np.array([one.mean for one in changes.values()])
+    false = false_movement(later - then, 0.5 * (later + then), noise, sums, now.step, down=fixed == "top")
+    way = 1000.0 if fixed == "bottom" else -1000.0
+    use = []
+    for place, name in enumerate(false.ratios):
+        cause, _, axis = name.partition(" ")
+        code, field, scale, unit = FALSE_MOVEMENTS[cause]
+        use.append(cause in correct)
+        size, u = scale * false.values[place], scale * float(np.sqrt(false.covariance[place, place]))
+        facts: dict[str, Value] = {"reading": now.name, "end": "top" if fixed == "bottom" else "bottom"}
+        facts |= {f"{field}_{unit}": float(size), f"expanded_{unit}": 2.0 * u}
+        lean = {of: way * float(steps[place].sum() * false.values[place]) for of, steps in false.steps.items()}
+        parts = [{"axis": of.upper(), "false_mm": lean[of]} for of in axis or lean]
+        facts["parts"] = tuple(Finding("holes-false-part", part) for part in parts)
+        facts["advice"] = "It is corrected" if use[-1] else f"Correct it by --correct {cause}"
+        found.append(Finding(code, facts, severity="note" if use[-1] else "warning"))
+        errors = replace(errors, **{field: 0.0}) if use[-1] else errors
+    for axis, steps in false.steps.items() if any(use) else ():
+        summed = np.array([_summed(one, fixed == "top") for one in steps[use]])
+        u = np.sqrt(np.einsum("pn,pq,qn->n", summed, false.covariance[np.ix_(use, use)], summed))
+        taken[axis] = (false.values[use] @ steps[use], u)
+    return taken, errors
 
 
 def _summed(values: Array, down: bool) -> Array:

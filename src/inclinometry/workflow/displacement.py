@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +38,7 @@ def casing_movement(
     *,
     fixed: str = "bottom",
     spike_limit: float = SPIKE_LIMIT,
+    correct: Collection[str] = (),
 ) -> Movement:
     """Displacement of a casing at each later reading since the base reading; parameters as `displacement`.
 
@@ -60,7 +61,9 @@ def casing_movement(
         # two folders may hold readings of one name
         name = path.stem if path.stem not in found else str(path)
         try:
-            found[name] = displacement(first.reading, one.reading, errors, fixed=fixed, spike_limit=spike_limit)
+            found[name] = displacement(
+                first.reading, one.reading, errors, fixed=fixed, spike_limit=spike_limit, correct=correct
+            )
         except InputError as error:
             rows = error.finding.rows
             line = one.lines[rows[0]] if rows else None
