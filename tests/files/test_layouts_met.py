@@ -263,6 +263,27 @@ def test_deleted_shots_and_second_sensors_are_left_out_and_said():
     assert (len(two), [(one.code, one.values) for one in two.findings]) == (2, [("table-second-set", {"count": 2})])
 
 
+SIX = ("mag_x", "mag_y", "mag_z", "accel_x", "accel_y", "accel_z")
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "names"),
+    [
+        ("mX,mY,mZ,ax,ay,az\n1,2,3,4,5,6\n", {"units": "counts"}, SIX),
+        ("mX,mY,mZ,Gx,Gy,Gz\n1,2,3,4,5,6\n", {"units": "counts"}, SIX),
+        ("mX (LSB),mY (LSB),mZ (LSB),ax (counts),ay (counts),az (counts)\n1,2,3,4,5,6\n", {}, SIX),
+        ("gx,gy,gz,ax,ay,az\n1,2,3,4,5,6\n", {"units": "counts"}, ("gyro_x", "gyro_y", "gyro_z", *SIX[3:])),
+        ("Started\nRaw:1,2,3,4,5,6,7,8,9\nUni:0.1,0.2,9.8,0,0,0,1,2,3\n\n", {"profile": "motioncal"},
+         (*SIX[3:], "gyro_x", "gyro_y", "gyro_z", *SIX[:3])),
+    ],
+)  # fmt: skip
+def test_sensors_in_counts(text, given, names):
+    Path("a.csv").write_text(text)
+    with reading_with(given.get("profile"), given.get("units")):
+        found = read_table("a.csv")
+    assert (found.names, len(found)) == (names, 1)
+
+
 def test_names_of_a_profile_in_small_letters():
     Path("a.json").write_text('[{"gx": 1, "gy": 2, "gz": 3, "mx": 4, "my": 5, "mz": 6}]')
     with reading_with("mag-accel-counts"):

@@ -228,6 +228,25 @@ def columns_called(name: str) -> tuple[str, ...]:
     return tuple(quantities()[key].column for key, _ in _names().get(_squashed(name), ()))
 
 
+def channel_in_counts(name: str, stated: Collection[str] = (), beside: Collection[str] = ()) -> str | None:
+    """The channel in counts that a name means, if it or `stated` has that unit; None for another column.
+
+    A name of two sensors (gx) is the gyro's where a column `beside` it is of an accelerometer alone.
+    >>> channel_in_counts("Gx (counts)"), channel_in_counts("gx", ["counts"], ["ax"])
+    ('accel_x', 'gyro_x')
+    """
+    bracketed = _BRACKETED.fullmatch(name)
+    base, unit = (bracketed["name"], bracketed["unit"]) if bracketed else (name, "")
+    if dimension_of(unit) != "counts" and (unit or "counts" not in stated):
+        return None
+    kinds = [column[:2] for column in columns_called(base) if re.match("[gbw][xyz]_", column)]
+    if len(kinds) > 1:
+        alone = [columns_called(other) for other in beside]
+        kinds = kinds[1:] if any(len(one) == 1 and one[0][:1] == "g" for one in alone) else kinds[:1]
+    prefixes = {"g": "accel", "b": "mag", "w": "gyro"}
+    return f"{prefixes[kinds[0][0]]}_{kinds[0][1]}" if kinds else None
+
+
 def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
     """The unit from the name or from beside it; both may state it, if they agree."""
     stated = stated.strip() if stated else None

@@ -164,7 +164,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
 
 
 def _one_well(table: Frame) -> Frame:
-    """The rows of one well of a table of several: of that named by --sheet."""
+    """The rows of one well: where a table has several, the well that --sheet names."""
     named, sheet = next((name for name in table.names if hole_column(name) == "hole"), None), current().sheet
     wells = () if named is None else tuple(dict.fromkeys(table.text(named)))
     if named is None or len(wells) < 2:

@@ -162,7 +162,9 @@ class TableFile:
             bare = self._bare.get(name, name)
             try:
                 reading = (
-                    Reading(bare) if name.startswith(f"{bare} (") and numeric(bare) else profile.reading(name, numeric)
+                    Reading(bare)
+                    if name.startswith(f"{bare} (") and numeric(bare)
+                    else profile.reading(name, numeric, self.written)
                 )
             except InputError as error:
                 raise row_error(self.path, error.finding, self.line, self.word) from None
