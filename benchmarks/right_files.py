@@ -19,7 +19,7 @@ import json
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from statistics import NormalDist
@@ -30,7 +30,7 @@ import numpy as np
 from inclinometry.cli import main as command
 
 HERE = Path(__file__).parents[1]
-REFERENCE, DEMO = HERE / "tests" / "reference", HERE / "src" / "inclinometry" / "workflow" / "demo_data"
+REFERENCE, SAP6 = HERE / "tests" / "reference", HERE / "src" / "inclinometry" / "workflow" / "demo_data" / "sap6_cave"
 Table = dict[str, Any]
 Judge = Callable[[dict], float]
 
@@ -47,13 +47,13 @@ class Case(NamedTuple):
 
 def printed(line: str) -> tuple[int, str]:
     """Status and standard output of a command in the current folder."""
-    out, status = io.StringIO(), 0
+    out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
         try:
             command(line.split())
         except SystemExit as stop:
-            status = int(stop.code or 0)
-    return status, out.getvalue()
+            return int(stop.code or 0), out.getvalue()
+    return 0, out.getvalue()
 
 
 def run(case: Case) -> tuple[str, float, str]:
@@ -71,23 +71,30 @@ def run(case: Case) -> tuple[str, float, str]:
     return become, off, ", ".join(dict.fromkeys(codes))
 
 
+def named(names: str, values: Iterable) -> Table:
+    """A table of columns."""
+    return dict(zip(names.split(","), values, strict=True))
+
+
 def text(table: Table, sep: str = ",", point: str = ".") -> str:
-    """CSV; a single value stands in every row."""
-    size = max(np.size(v) for v in table.values())
-    rows = zip(*(np.broadcast_to(np.asarray(v, dtype=object), size) for v in table.values()), strict=True)
+    """CSV of columns of one length."""
+    rows = zip(*table.values(), strict=True)
     cells = [[v if isinstance(v, str) else f"{v:.10g}".replace(".", point) for v in row] for row in rows]
     return "\n".join(map(sep.join, [list(table), *cells])) + "\n"
 
 
-def read(path: Path | str) -> dict[str, np.ndarray]:
+def read(path: Path | str) -> Table:
     """Columns of a CSV, numbers where they are; an empty cell is nan."""
-    rows = list(csv.DictReader(Path(path).read_text().splitlines()))
-    found = {n: [r[n] or "nan" for r in rows] for n in rows[0]}
-    number = {n: all(v.lstrip("-")[:1].isdigit() or v == "nan" for v in values) for n, values in found.items()}
-    return {n: np.array(v, float if number[n] and n != "flags" else object) for n, v in found.items()}
+    head, *rows = csv.reader(Path(path).read_text().splitlines())
+    columns = [np.array([v or "nan" for v in values], object) for values in zip(*rows, strict=True)]
+    for k, values in enumerate(columns):
+        with contextlib.suppress(ValueError):
+            columns[k] = values.astype(float)
+    return dict(zip(head, columns, strict=True))
 
 
-# Physics: conventions.md in numpy, angles in degrees.
+# fmt: off
+# A table of cases is a row a case. Physics: conventions.md in numpy, angles in degrees.
 
 
 def frame(azimuth: Any, inclination: Any, toolface: Any) -> np.ndarray:
@@ -102,14 +109,6 @@ def frame(azimuth: Any, inclination: Any, toolface: Any) -> np.ndarray:
 def field(dip: float) -> np.ndarray:
     """North, east, down of a unit field."""
     return np.array([np.cos(np.radians(dip)), 0.0, np.sin(np.radians(dip))])
-
-
-def angles(g: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Inclination and azimuth, by horizontal projections of the tool's axis."""
-    down = g / np.linalg.norm(g, axis=-1, keepdims=True)
-    north = b - np.sum(b * down, axis=-1, keepdims=True) * down
-    horizontal = np.hypot(down[:, 0], down[:, 1])
-    return np.degrees([np.arctan2(horizontal, down[:, 2]), np.arctan2(np.cross(down, north)[:, 2], north[:, 2])])
 
 
 def path(md: np.ndarray, inclination: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
@@ -139,13 +138,13 @@ WELLS = {  # first, last depth, course; inclinations and azimuths at even depths
     "400 stations": (100, 4090, 10, (1, 3, 35, 50, 50, 62), (290, 290, 294, 296, 296, 298)),
     "three": (1000, 1060, 30, (31, 32.4), (88, 90)), "two": (1000, 1030, 30, (31, 32), (88, 89)),
     "single": (1000, 1000, 30, (31,), (88,)),
-}  # fmt: skip
+}
 PLACES = {  # latitude, g, b, dip
     "north sea": (60, 9.819, 51000, 72), "80 N": (80, 9.830, 56000, 84), "equator": (1, 9.780, 31500, 4),
     "south": (-35, 9.797, 58000, -66), "gulf": (28, 9.792, 46000, 58), "pole": (86, 9.832, 57500, 88),
-}  # fmt: skip
-SIX = ("gx_m_s2", "gy_m_s2", "gz_m_s2", "bx_nT", "by_nT", "bz_nT")
-RAW = ("accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z")
+}
+LISTED, DIALS = "md_m,inclination_deg,azimuth_deg", ("azimuth_deg", "inclination_deg", "toolface_deg")
+SIX, RAW = "gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT", "accel_x,accel_y,accel_z,mag_x,mag_y,mag_z"
 
 
 def well(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,41 +156,38 @@ def well(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, n
     return md, i, (a + rng.normal(0, 0.003 * course + 0.03, md.size) / np.maximum(np.sin(np.radians(i)), 0.03)) % 360
 
 
-def limit(floor: float, u: Any, size: int) -> np.ndarray:
+def limit(floor: float, u: Any, size: int = 1) -> np.ndarray:
     """Floor, or three standard uncertainties, more for the worst of many."""
     return np.maximum(floor, max(3.0, NormalDist().inv_cdf(1 - 0.0025 / size)) * np.nan_to_num(u))
 
 
-def of_angles(inclination: np.ndarray, azimuth: np.ndarray) -> Judge:
+def of_angles(inclination: Any, azimuth: Any) -> Judge:
     """Judge of stations in their order; blank ones are not judged, nor azimuths within 3 deg of the vertical."""
 
     def off(said: dict) -> float:
-        t, size = read("o.csv"), len(inclination)
-        if len(t["inclination_deg"]) != size:
-            return np.inf
-        turn = (t["azimuth_deg"].astype(float) - azimuth + 180) % 360 - 180
-        turn = np.where(np.abs(np.sin(np.radians(inclination))) < 0.05, 0, turn) / limit(1.0, t["u_azimuth_deg"], size)
+        t, size = read("o.csv"), np.size(inclination)
+        turn = (t["azimuth_deg"] - azimuth + 180) % 360 - 180
+        turn = np.where(np.abs(np.sin(np.radians(inclination))) < 0.05, 0, turn) / limit(1, t["u_azimuth_deg"], size)
         tilt = (t["inclination_deg"] - inclination) / limit(0.3, t["u_inclination_deg"], size)
-        return float(np.nanmax(np.abs([tilt, turn, 0 * np.arange(size)])))
+        return float(np.nanmax(np.abs([tilt, turn, 0 * turn])))
 
     return off
 
 
 def of_end(truth: np.ndarray, allowed: float) -> Judge:
     """Judge of the last position."""
-    return lambda said: (
-        np.linalg.norm([read("o.csv")[f"{n}_m"][-1] for n in ("north", "east", "tvd")] - truth) / allowed
-    )
+    ways = ("north_m", "east_m", "tvd_m")
+    return lambda said: np.linalg.norm([read("o.csv")[n][-1] for n in ways] - truth) / allowed
 
 
-# Runs of six axes and of calibrated tools.
+# Tools and what they read.
 
 
 def site(place: str) -> str:
     """site.toml of a place."""
-    values = dict(zip(("latitude_deg", "g", "b_nT", "dip_deg"), PLACES[place], strict=True))
-    values |= {"sigma_g": 0.003, "sigma_b_nT": 130, "sigma_dip_deg": 0.2, "north_reference": '"magnetic"'}
-    return "\n".join(f"{n} = {v}" for n, v in values.items()) + "\n"
+    sigmas = {"north_reference": '"magnetic"', "sigma_g": 0.003, "sigma_b_nT": 130, "sigma_dip_deg": 0.2}
+    values = named("latitude_deg,g,b_nT,dip_deg", PLACES[place]) | sigmas
+    return "".join(f"{n} = {v}\n" for n, v in values.items())
 
 
 def six(kind: str, place: str, seed: int, noise: tuple = (0.0015, 30.0), face: Any = None) -> tuple[tuple, Table]:
@@ -200,65 +196,63 @@ def six(kind: str, place: str, seed: int, noise: tuple = (0.0015, 30.0), face: A
     hole, (_, g, b, dip) = well(kind, rng), PLACES[place]
     c = frame(hole[2], hole[1], rng.uniform(0, 360, hole[0].size) if face is None else face)
     values = [v + rng.normal(0, s, v.shape) for v, s in ((g * c[:, :, 2], noise[0]), (b * c @ field(dip), noise[1]))]
-    return hole, {"md_m": hole[0]} | dict(zip(SIX, np.round(np.hstack(values), 4).T, strict=True))
+    return hole, {"md_m": hole[0]} | named(SIX, np.round(np.hstack(values), 4).T)
 
 
 def tool(seed: int, counts: float = 16500.0, bad: float = 1.0) -> list[tuple[np.ndarray, np.ndarray]]:
     """Tensor and offset of accelerometers and magnetometers, counts."""
-    rng, one = np.random.default_rng(seed + 700), np.diag(np.ones(3))
-    draw = lambda: one + rng.normal(0, 0.008 * bad, (3, 3)) + one * rng.normal(0, 0.02 * bad, 3)  # noqa: E731
-    return [(counts * draw(), counts * rng.normal(0, 0.01 * bad, 3)) for _ in RAW[::3]]
+    rng = np.random.default_rng(seed + 700)
+    one = np.diag([1.0, 1.0, 1.0])
+    mixed = one + bad * (rng.normal(0, 0.008, (2, 3, 3)) + one * rng.normal(0, 0.02, (2, 1, 3)))
+    return [(counts * m, counts * bad * rng.normal(0, 0.01, 3)) for m in mixed]
 
 
 def channels(t: list, c: np.ndarray, dip: float, rng: np.random.Generator, noise: float = 5.0) -> Table:
     """Whole counts of a tool at attitudes C."""
-    signals = [v @ n.T + zero + rng.normal(0, noise, v.shape) for v, (n, zero) in zip((c[:, :, 2], c @ field(dip)), t)]  # noqa: B905
-    return dict(zip(RAW, np.round(np.hstack(signals)).T, strict=True))
+    signals = [v @ n.T + zero for v, (n, zero) in zip((c[:, :, 2], c @ field(dip)), t, strict=True)]
+    return named(RAW, np.round(np.hstack(signals) + rng.normal(0, noise, (len(c), 6))).T)
 
 
 @cache
-def plan(words: str) -> dict[str, np.ndarray]:
-    """Dial settings of a plan."""
+def plan(words: str) -> Table:
+    """Dial settings of a plan, or so many random ones."""
+    if words.isdigit():
+        anywhere = np.random.default_rng(1).uniform(0, [[360], [180], [360]], (3, int(words)))
+        return dict(zip(DIALS, anywhere.round(), strict=True))
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         printed(f"plan {words} -o p.csv")
         return read("p.csv")
 
 
 def bench(
-    t: list, words: str, seed: int, noise: float = 5.0, sd: float = 0.05, tilt: float = 1.0, read_times: int = 1
+    t: list, words: str, seed: int, noise: float = 5.0, sd: float = 0.05, tilt: float = 1.0, times: int = 1
 ) -> Table:
-    """Readings at a plan, or at so many random attitudes, on a tilted stand that points anywhere."""
+    """Readings at a plan on a tilted stand that points anywhere, each so many times."""
+    rng, dials = np.random.default_rng(seed), [plan(words)[n] for n in DIALS]
+    stand = frame(rng.uniform(-40, 40), tilt * rng.uniform(-1, 1), 0)[0]
+    c = frame(*(v + rng.normal(0, sd, v.size) for v in dials)) @ stand
+    rows = np.repeat(np.arange(len(c)), times)
+    found = {"station": rows + 1, **dict(zip(DIALS, (v[rows] for v in dials), strict=True))}
+    return found | channels(t, c[rows], 70.0, rng, noise) | {"reference_dip_deg": np.full(rows.size, 70.0)}
+
+
+def surveyed(t: list, kind: str, seed: int, dip: float, noise: float = 5.0) -> tuple[tuple, Table]:
+    """Hole and table of a run of a tool."""
     rng = np.random.default_rng(seed)
-    names = ("azimuth_deg", "inclination_deg", "toolface_deg")
-    dials = (
-        dict(zip(names, rng.uniform(0, [[360], [180], [360]], (3, int(words))).round(), strict=True))
-        if words.isdigit()
-        else plan(words)
-    )
-    c = frame(*(dials[n] + rng.normal(0, sd, dials[n].size) for n in names))
-    c = np.repeat(c @ frame(rng.uniform(-40, 40), tilt * rng.uniform(-1, 1), 0)[0], read_times, axis=0)
-    found = {"station": np.arange(1, len(dials[names[0]]) + 1), **{n: dials[n] for n in names}}
-    return (
-        {n: np.repeat(v, read_times) for n, v in found.items()}
-        | channels(t, c, 70.0, rng, noise)
-        | {"reference_dip_deg": np.full(len(c), 70.0)}
-    )
+    hole = well(kind, rng)
+    c = frame(hole[2], hole[1], rng.uniform(0, 360, hole[0].size))
+    return hole, {"md_m": hole[0]} | channels(t, c, dip, rng, noise)
 
 
 def of_tool(t: list) -> Judge:
-    """Judge of a calibration: angles of readings without noise, inclinations of 10 to 90 deg, the worst but 5 %."""
+    """Judge of a calibration by a well that it surveys."""
 
     def off(said: dict) -> float:
-        stored, rng = json.loads(Path("t.json").read_text())["triads"], np.random.default_rng(1)
-        c = frame(rng.uniform(0, 360, 200), rng.uniform(10, 90, 200), rng.uniform(0, 360, 200))
-        true = c[:, :, 2], c @ field(70.0)
-        kinds = (stored["accelerometer"], stored["magnetometer"])
-        signals = [v @ n.T + zero - k["offset"] for v, (n, zero), k in zip(true, t, kinds, strict=True)]
-        found = angles(*(s @ np.linalg.inv(k["tensor"]).T for s, k in zip(signals, kinds, strict=True)))
-        true, e = angles(*true), said["expected_u_deg"]
-        u = [np.interp(true[0], e["inclination_deg"], e["from_calibration"][n]) for n in ("inclination", "azimuth")]
-        turn = np.abs((found - true + 180) % 360 - 180) / [limit(0.3, u[0], 2), limit(1.0, u[1], 2)]
-        return float(np.quantile(turn, 0.95, axis=1).max())
+        hole, table = surveyed(t, "slant", 5, 70.0, 0.0)
+        Path("f.csv").write_text(text(table))
+        words = "--ignore units,columns,axes,depths,repeats,order,station,direction,totals,place"
+        assert printed(f"survey f.csv --calibration t.json -o o.csv {words}")[0] < 2
+        return of_angles(*hole[1:])(said)
 
     return off
 
@@ -274,108 +268,137 @@ def calibrated(seed: int, counts: float = 16500.0, bad: float = 1.0, noise: floa
 
 def raw(kind: str, seed: int, *quality: float) -> tuple[tuple, Table, dict]:
     """Hole, table and other files of a run of a calibrated tool of counts, badness and noise."""
-    rng = np.random.default_rng(seed + 50)
-    hole = well(kind, rng)
-    c = frame(hole[2], hole[1], rng.uniform(0, 360, hole[0].size))
-    table = {"md_m": hole[0]} | channels(tool(seed, *quality[:2]), c, 72.0, rng, *quality[2:])
+    hole, table = surveyed(tool(seed, *quality[:2]), kind, seed + 50, 72.0, *quality[2:])
     return hole, table, {"t.json": calibrated(seed, *quality), "s.toml": site("north sea")}
 
 
+SCHEMES = {"four": (0, 90, 180, 270), "mirrored": (0, 90, 180, 270, 270, 180, 90, 0), "two": (0, 180),
+           "n": (0, 72, 144, 216, 288), "carousel": tuple(np.arange(22.5, 360, 45))}
+
+
+def gyro(scheme: str, axes: str, latitude: float, seed: int, size: int = 12) -> tuple[np.ndarray, Table]:
+    """Inclinations and azimuths, and table of a run at index positions."""
+    rng, index = np.random.default_rng(seed), np.array(SCHEMES[scheme])
+    at, angles = np.repeat(np.arange(size), index.size), np.linspace([4, 70], [48, 95], size).T
+    c = frame(angles[1][at], angles[0][at], rng.uniform(0, 360, size)[at] + np.tile(index, size))
+    c[:, :2] *= np.sinc(1 / 8) if scheme == "carousel" else 1  # mean of a sweep of 45 deg
+    rate = 1.002 * 15.04107 * c @ field(-latitude) + [1.5, -0.8, 0.0] + rng.normal(0, 0.03, (at.size, 3))
+    g = 9.780327 * (1 + 0.0053024 * np.sin(np.radians(latitude)) ** 2) * c[:, :, 2] + rng.normal(0, 0.001, rate.shape)
+    t = {"station": at + 1, "md_m": 100.0 + 60 * at, "index_deg": np.tile(index, size)}
+    t |= {"time_s": 60.0 * np.arange(at.size) + 300 * at, "temperature_degC": 25.0 + 3 * at}
+    t |= {f"accel_{n}_m_s2": g[:, "xyz".index(n)].round(5) for n in ("xyz" if "z" in axes else "xy")}
+    return angles, t | {f"gyro_{n}_deg_h": rate[:, "xyz".index(n)].round(4) for n in axes}
+
+
+def turning(seed: int, kind: str, inclination: float) -> tuple[Table, Judge]:
+    """Half a minute of samples of a tool whose axis stays."""
+    rng, t = np.random.default_rng(seed), np.arange(0, 30, 0.005)
+    rpm = {"still": 0 * t, "even": 120 + 0 * t, "slow": 12 + 0 * t, "stick-slip": 120 + 110 * np.sin(1.3 * t)}[kind]
+    c = frame(60, inclination, np.cumsum(6 * rpm) * 0.005 + 30)
+    g = 9.819 * c[:, :, 2] + rng.normal(0, 0.003 if kind == "still" else 5.0, (t.size, 3))
+    b = 51000 * c @ field(72) + rng.normal(0, 50, (t.size, 3))
+    w = np.radians(15.04107 / 3600 * c @ field(-60) + 6 * rpm[:, None] * [0, 0, 1]) + rng.normal(0, 1e-4, (t.size, 3))
+    table = named(f"time_s,{RAW},gyro_x,gyro_y,gyro_z", [t, *np.hstack([g, b]).round(3).T, *w.round(7).T])
+    return table, of_angles(np.full(3, inclination), 60)
+
+
+def mine(seed: int, count: int = 8, course: float = 30.0, up: bool = False) -> tuple[Table, Table, Judge]:
+    """Table of shots, one of collars, and the judge of the ends of holes."""
+    rng, shots, ends, collars = np.random.default_rng(seed), [], [], []
+    for k in range(count):
+        n, hole = rng.integers(4, 16), f"DH{k + 1:03d}"
+        dip = (1 if up else -1) * np.clip(rng.uniform(45, 88) + np.cumsum(rng.normal(-0.2, 0.5, n)), 5, 89.5).round(1)
+        azimuth = 90 + rng.normal(0, 25) + np.cumsum(rng.normal(0.2, 0.4, n)) / np.cos(np.radians(dip))
+        depth, xyz = course * np.arange(n), np.round(rng.normal([1000 + 50 * k, 2000, 300], [0, 9, 3]), 2)
+        shots.append((np.full(n, hole, dtype=object), depth, dip, azimuth.round(1) % 360))
+        collars.append((hole, *xyz))
+        ends.append(xyz + path(depth, 90 + dip, shots[-1][3])[-1][[1, 0, 2]] * [1, 1, -1])
+
+    def off(said: dict) -> float:
+        t = read("o.csv")
+        columns = (t[n] for n in ("hole", "east_m", "north_m", "elevation_m"))
+        last = {hole: xyz for hole, *xyz in zip(*columns, strict=True)}
+        at = [last.get(c[0], (9e9, 0, 0)) for c in collars]
+        return float(np.linalg.norm(np.subtract(at, ends), axis=1).max() / 10)
+
+    table = named("hole,depth_m,dip_deg,azimuth_deg", map(np.concatenate, zip(*shots, strict=True)))
+    return table, named("hole,x_m,y_m,z_m", zip(*collars, strict=True)), off
+
+
+def casing(
+    seed: int, moved: float, count: int = 60, unit: float = 25000.0, noise: float = 2.5
+) -> tuple[Table, Table, Judge]:
+    """Base and later readings, and the judge of the displacement of the top along A, mm."""
+    rng, depth = np.random.default_rng(seed), 0.5 * np.arange(1, count + 1)
+    shape = rng.uniform(1, 2, 2)[:, None] * [0.012 * np.sin(depth / 6) + 0.012, 0.009 * np.cos(depth / 8) - 0.004]
+    tables, band = [], (depth > 8) & (depth <= 10)
+    for k in (0, 1):
+        a, b = shape + k * np.array([[1.0], [0.2]]) * moved / 500 / band.sum() * band
+        values = unit * np.stack([a, -a, b, -b]) + [[4], [4], [-3], [-3]] + 1.5 * k + rng.normal(0, noise, (4, count))
+        tables.append(named("Depth (m),A0,A180,B0,B180", [depth, *np.round(values)]))
+    return *tables, lambda said: abs(read("o.csv")["a_mm"][0] - moved) / limit(3.0, read("o.csv")["u_a_mm"][0])
+
+
+# Right files.
+
 FIELDS, COUNTS = "survey f.csv --site s.toml -o o.csv", "survey f.csv --calibration t.json --site s.toml -o o.csv"
+GRID, CALIBRATE = "position f.csv --azimuth-reference grid -o o.csv", "calibrate f.csv -o t.json"
+VERIFY = "verify f.csv --calibration t.json --rig-sd-deg 0.05 --stand"
+NORTH = "gyro north f.csv --site s.toml -o o.csv --hole down"
+DYNAMIC, HOLES = "dynamic f.csv --site s.toml -o o.csv", "holes f.csv --collars c.csv --dip-down negative -o o.csv"
+SHIFT = "displacement f.csv g.csv --unit digi-25000 -o o.csv"
 
 
 def right_survey() -> Iterator[Case]:
     """Runs of six axes in every hole and place, in other conventions and units, and of calibrated tools."""
-
-    def fields(name: str, run: tuple[tuple, Table], place: str, line: str = FIELDS, asks: bool = False) -> Case:
-        return Case(name, line, {"f.csv": text(run[1]), "s.toml": site(place)}, of_angles(*run[0][1:]), asks)
-
+    runs = []
     for seed, kind in enumerate(WELLS):
-        for place in ("north sea", tuple(PLACES)[1 + seed % 4]):
-            yield fields(f"six axes, {kind}, {place}", six(kind, place, seed), place)
+        runs += [(f"six axes, {kind}, {p}", six(kind, p, seed), p) for p in ("north sea", tuple(PLACES)[1 + seed % 4])]
         hole, table, files = raw(kind, seed % 3)
         yield Case(f"counts, {kind}", COUNTS, files | {"f.csv": text(table)}, of_angles(*hole[1:]))
     for seed, kind in enumerate(("J", "horizontal", "vertical", "S")):
         hole, table = six(kind, "gulf", seed + 100)
-        x, y, z, bx, by, bz = (table[n] for n in SIX)
-        values = hole[0] / 0.3048, -y / 9.80665, x / 9.80665, z / 9.80665, -by / 1e3, bx / 1e3, bz / 1e3
-        names = ("MD (ft)", "GX (g)", "GY (g)", "GZ (g)", "BX (uT)", "BY (uT)", "BZ (uT)")
-        other = {n: np.round(v, 6) for n, v in zip(names, values, strict=True)}
-        yield fields(f"iscwsa axes, ft, g, uT, {kind}", (hole, other), "gulf", f"{FIELDS} --convention iscwsa")
-        yield fields(f"cheap six axes, {kind}", six(kind, "south", seed + 120, (0.02, 250.0)), "south", asks=True)
-        yield fields(f"constant toolface, {kind}", six(kind, "north sea", seed + 130, face=40.0), "north sea")
-        for name, *quality in (
-            ("coarse converter", 1650.0, 1.0, 1.0),
-            ("cheap tool", 16500.0, 3.0, 60.0),
-            ("bottom up",),
-        ):
+        md, x, y, z, bx, by, bz = table.values()
+        values = np.array([md / 0.3048, -y / 9.80665, x / 9.80665, z / 9.80665, -by / 1e3, bx / 1e3, bz / 1e3]).round(6)
+        other = named("MD (ft),GX (g),GY (g),GZ (g),BX (uT),BY (uT),BZ (uT)", values)
+        runs.append((f"iscwsa axes, ft, g, uT, {kind}", (hole, other), "gulf", " --convention iscwsa"))
+        runs.append((f"cheap six axes, {kind}", six(kind, "south", seed + 120, (0.02, 250.0)), "south", "", True))
+        runs.append((f"constant toolface, {kind}", six(kind, "north sea", seed + 130, face=40.0), "north sea"))
+        for name, *quality in (("coarse", 1650.0, 1.0, 1.0), ("cheap tool", 16500.0, 3.0, 60.0), ("bottom up",)):
             hole, table, files = raw(kind, 5 + len(quality), *quality)
-            way = 1 if quality else -1
-            table = {n: v[::way] for n, v in table.items()}
-            yield Case(
-                f"{name}, {kind}", COUNTS, files | {"f.csv": text(table)}, of_angles(*(v[::way] for v in hole[1:]))
-            )
-    yield fields("J, magnetic pole", six("J", "pole", 140), "pole", asks=True)
+            way = slice(None, None, 1 if quality else -1)
+            files["f.csv"] = text({n: v[way] for n, v in table.items()})
+            yield Case(f"{name}, {kind}", COUNTS, files, of_angles(*(v[way] for v in hole[1:])))
+    runs.append(("magnetic pole", six("J", "pole", 140), "pole", "", True))
     hole, table = six("J", "north sea", 141)
     table["bz_nT"][:5] += [9000, 5000, 2500, 900, 300]
-    yield fields("first stations below the casing", (hole, table), "north sea", asks=True)
-    runs = read(REFERENCE / "msa" / "msa_runs.csv")
-    for kind in dict.fromkeys(runs["geometry"]):
+    runs.append(("first stations below the casing", (hole, table), "north sea", "", True))
+    for name, (hole, table), place, *more in runs:
+        files = {"f.csv": text(table), "s.toml": site(place)}
+        yield Case(name, FIELDS + "".join(more[:1]), files, of_angles(*hole[1:]), *more[1:])
+    shipped = read(REFERENCE / "msa" / "msa_runs.csv")
+    for kind in dict.fromkeys(shipped["geometry"]):
         for number in (0, 2, 4):
-            one = {n: v[(runs["geometry"] == kind) & (runs["run"] == number)] for n, v in runs.items()}
-            table = {"md_m": one["md"]} | dict(zip(SIX, (one[n[:2]] for n in SIX), strict=True))
-            s = f"g = {one['g_ref'][0]}\nb_nT = {one['b_ref'][0]}\ndip_deg = {one['dip_ref_deg'][0]}\nsigma_b_nT = 130\n"  # noqa: E501
-            files = {"f.csv": text(table), "s.toml": f"{s}sigma_dip_deg = 0.2\nsigma_g = 0.003\n"}
+            one = {n: v[(shipped["geometry"] == kind) & (shipped["run"] == number)] for n, v in shipped.items()}
+            table = named(f"md_m,{SIX}", (one[n] for n in ("md", "gx", "gy", "gz", "bx", "by", "bz")))
+            g, b, dip = (one[n][0] for n in ("g_ref", "b_ref", "dip_ref_deg"))
+            s = f"g = {g}\nb_nT = {b}\ndip_deg = {dip}\nsigma_b_nT = 130\nsigma_dip_deg = 0.2\nsigma_g = 0.003\n"
+            files = {"f.csv": text(table), "s.toml": s}
             yield Case(f"reference msa {kind} {number}", f"{FIELDS} --convention iscwsa", files, asks=True)
 
 
-# Listings.
-
-GRID = "position f.csv --azimuth-reference grid -o o.csv"
-
-
-def listing(hole: tuple, digits: int = 2) -> Table:
+def listing(hole: Iterable, digits: int = 2) -> Table:
     """Depths and rounded angles."""
     md, inclination, azimuth = hole
-    return {
-        "md_m": md,
-        "inclination_deg": np.round(inclination, digits),
-        "azimuth_deg": np.round(azimuth, digits) % 360,
-    }
+    return named(LISTED, [md, np.round(inclination, digits), np.round(azimuth, digits) % 360])
 
 
-def las(t: Table, head: str = "") -> str:
-    """LAS 2.0."""
-    limits = (
-        f" STRT.M {t['md_m'][0]:.2f} :\n STOP.M {t['md_m'][-1]:.2f} :\n STEP.M 0 :\n NULL. -999.25 :\n WELL. A-1 :\n"
-    )
-    start = (
-        f"{head}~VERSION\n VERS. 2.0 :\n WRAP. NO :\n~WELL\n{limits}~CURVE\n DEPT.M :\n DEVI.DEG :\n HAZI.DEG :\n~A\n"
-    )
-    return start + text(t, " ").partition("\n")[2]
-
-
-def witsml(t: Table) -> str:
-    """Trajectory of WITSML 1.4.1.1."""
-    kind = "<typeTrajStation>magnetic MWD</typeTrajStation>"
-    row = '<trajectoryStation uid="{}">{}<md uom="m">{}</md><incl uom="dega">{}</incl><azi uom="dega">{}</azi></trajectoryStation>'  # noqa: E501
-    stations = "".join(row.format(k, kind, *values) for k, values in enumerate(zip(*t.values(), strict=True)))
-    names = "<nameWell>W</nameWell><nameWellbore>B</nameWellbore><name>T</name><aziRef>grid north</aziRef>"
-    return (
-        '<trajectorys xmlns="http://www.witsml.org/schemas/1series" version="1.4.1.1"><trajectory uidWell="W" '
-        f'uidWellbore="B" uid="T">{names}{stations}</trajectory></trajectorys>'
-    )
-
-
-def xlsx(t: Table) -> bytes:
-    """A workbook."""
-    from openpyxl import Workbook
-
-    book, out = Workbook(), io.BytesIO()
-    for row in [list(t), *zip(*(v.tolist() for v in t.values()), strict=True)]:
-        book.active.append(row)
-    book.save(out)
-    return out.getvalue()
+def converted(t: Table, ending: str) -> bytes:
+    """The listing in another format."""
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        Path("f.csv").write_text(text(t | {"azimuth_reference": ["grid"] * len(t["md_m"])}))
+        printed(f"convert f.csv g.{ending}")
+        return Path(f"g.{ending}").read_bytes()
 
 
 def listed(name: str, t: Table, shown: str | bytes | None = None, line: str = GRID, at: float = 0.1) -> Case:
@@ -389,53 +412,46 @@ def right_position() -> Iterator[Case]:
     for seed, kind in enumerate(list(WELLS)[:-1]):
         t = listing(well(kind, np.random.default_rng(seed + 200)))
         yield listed(f"listing, {kind}", t)
-        yield listed(f"digits of 0.1, {kind}", listing(tuple(t.values()), 1))
-        ways = dict(zip(("N/S (m)", "E/W (m)", "TVD (m)"), np.round(path(*t.values()), 2).T, strict=True))
+        yield listed(f"digits of 0.1, {kind}", listing(t.values(), 1))
+        ways = named("N/S (m),E/W (m),TVD (m)", path(*t.values()).round(2).T)
         yield listed(f"with N, E, TVD, {kind}", t, text(t | ways))
     for seed, kind in enumerate(("J", "S", "horizontal", "deep")):
         t = listing(well(kind, np.random.default_rng(seed + 230)))
         md, inclination, azimuth = t.values()
         top = [np.r_[np.arange(8) * 30.0, md + 240], np.r_[np.zeros(8), inclination], np.r_[np.zeros(8), azimuth]]
-        yield listed(f"assumed vertical rows, {kind}", dict(zip(t, top, strict=True)))
-        yield listed(f"bottom up, {kind}", t, text({n: v[::-1] for n, v in t.items()}))
-        names = ("MD (ft)", "Inc (deg)", "Azi (deg)")
-        feet = text(dict(zip(names, (np.round(md / 0.3048, 1), inclination, azimuth), strict=True)))
-        yield listed(f"feet, {kind}", t, feet, at=0.5)
-        stands = 94.6 * np.arange(md.size)
-        shown = text(dict(zip(names, (stands, inclination, azimuth), strict=True)))
-        yield listed(f"stands of 94.6 ft, {kind}", t | {"md_m": stands * 0.3048}, shown)
-        gon = {"md_m": md, "inclination_gon": np.round(inclination / 0.9, 3), "azimuth_gon": np.round(azimuth / 0.9, 3)}
-        yield listed(f"gyro in gon, {kind}", t, text(gon), at=1.0)
-        for head in ("", "# made by a program\n"):
-            yield listed(f"LAS, {kind}, {head.strip()}", t, las(t, head), GRID.replace("csv", "las", 1))
-        yield listed(f"WITSML, {kind}", t, witsml(t), "position f.xml -o o.csv")
-        yield listed(f"workbook, {kind}", t, xlsx(t), GRID.replace("csv", "xlsx", 1))
-        comma = text(dict(zip(("MD (m)", "INC (deg)", "AZI (deg)"), t.values(), strict=True)), ";", ",")
-        yield listed(f"decimal commas, {kind}", t, f"Company;X\nWell;A-1\n\n{comma}")
+        stands, feet = 94.6 * np.arange(md.size), "MD (ft),Inc (deg),Azi (deg)"
+        comma = text(named("MD (m),INC (deg),AZI (deg)", t.values()), ";", ",")
         wits = "".join(f"&&\n0708 {m}\n0713 {i}\n0715 {a}\n!!\n" for m, i, a in zip(*t.values(), strict=True))
+        gon = named("md_m,inclination_gon,azimuth_gon", [md, (inclination / 0.9).round(3), (azimuth / 0.9).round(3)])
+        yield listed(f"assumed vertical rows, {kind}", named(LISTED, top))
+        yield listed(f"bottom up, {kind}", t, text({n: v[::-1] for n, v in t.items()}))
+        yield listed(f"feet, {kind}", t, text(named(feet, [(md / 0.3048).round(1), inclination, azimuth])), at=0.5)
+        shown = text(named(feet, [stands, inclination, azimuth]))
+        yield listed(f"stands of 94.6 ft, {kind}", t | {"md_m": stands * 0.3048}, shown)
+        yield listed(f"gyro in gon, {kind}", t, text(gon), at=1.0)
+        for ending in ("las", "xlsx", "xml"):
+            yield listed(f"{ending}, {kind}", t, converted(t, ending), f"position f.{ending} -o o.csv")
+        yield listed(f"LAS with a comment, {kind}", t, b"# Petrel\n" + converted(t, "las"), "position f.las -o o.csv")
+        yield listed(f"decimal commas, {kind}", t, f"Company;X\nWell;A-1\n\n{comma}")
         yield listed(f"WITS record 7, {kind}", t, wits, GRID.replace("f.csv", "f.wits --units m"))
     md = np.arange(0, 3001, 30.0)
     build = np.interp(md, [0, 600, 1500, 3000], [0, 0, 90, 90])
     for azimuth in (0.0, 90.0, 180.0, 47.25):
         turned = np.interp(md, [0, 1800, 2400, 3000], [azimuth, azimuth, azimuth + 60, azimuth + 60]) % 360
-        yield listed(f"plan to 90 deg at {azimuth:g}", {"md_m": md, "inclination_deg": build, "azimuth_deg": turned})
-        held = {"md_m": md, "inclination_deg": np.minimum(build, 60), "azimuth_deg": np.full(md.size, azimuth)}
-        yield listed(f"plan to 60 deg at {azimuth:g}, tangent", held)
-    landed = listing(well("horizontal", np.random.default_rng(260)))
-    landed["azimuth_deg"] = (landed["azimuth_deg"] - 140.0) % 360
-    landed["inclination_deg"][-6:], landed["azimuth_deg"][-6:] = 90.0, 180.0
-    yield listed("landed 90.00/180.00 rows", landed)
+        yield listed(f"plan to 90 deg at {azimuth:g}", named(LISTED, [md, build, turned]))
+        held = np.full(md.size, azimuth)
+        yield listed(f"plan to 60 deg at {azimuth:g}", named(LISTED, [md, np.minimum(build, 60), held]))
+        landed = listing(well("horizontal", np.random.default_rng(260)))
+        landed["azimuth_deg"] = (landed["azimuth_deg"] - 320.0 + azimuth).round(2) % 360
+        last = slice(-2 if azimuth % 90 else -6, None)  # a projection to the bit, or landed
+        landed["inclination_deg"][last], landed["azimuth_deg"][last] = 90.0, azimuth
+        yield listed(f"last rows 90.00/{azimuth:.2f}", landed)
     for name in ("well1", "well2"):
         t = {n: v for n, v in read(REFERENCE / "iscwsa-mwd" / f"{name}.csv").items() if n != "tvd_m"}
         yield listed(f"reference iscwsa {name}", t, line=GRID.replace("grid", "true"))
     wells = read(REFERENCE / "geomag-correlation" / "wells.csv")
     for name in dict.fromkeys(wells["well"]):
-        yield listed(f"reference geomag {name}", {n: v[wells["well"] == name] for n, v in wells.items() if n != "well"})
-
-
-# Benches.
-
-CALIBRATE, VERIFY = "calibrate f.csv -o t.json", "verify f.csv --calibration t.json --rig-sd-deg 0.05 --stand"
+        yield listed(f"reference geomag {name}", {n: wells[n][wells["well"] == name] for n in LISTED.split(",")})
 
 
 def right_calibrate() -> Iterator[Case]:
@@ -446,25 +462,23 @@ def right_calibrate() -> Iterator[Case]:
         sd = "--level-sd-deg 2 --north-deg 0 --north-sd-deg 25 --rig-sd-deg 0.05"
         for name, t, given, *options in (
             ("twelve", good, bench(good, "twelve", k)), ("orthogonal", good, bench(good, "orthogonal", k + 10)),
-            ("two-face", good, bench(good, "two-face", k + 20)), ("read twice", good, bench(good, "twelve", k + 30, read_times=2)),  # noqa: E501
-            ("eight rolls", good, bench(good, "twelve --rolls 8", k + 40)), ("40 anywhere", good, bench(good, "40", k + 50)),  # noqa: E501
+            ("two-face", good, bench(good, "two-face", k + 20)), ("40 anywhere", good, bench(good, "40", k + 50)),
+            ("read twice", good, bench(good, "twelve", k + 30, times=2)),
+            ("eight rolls", good, bench(good, "twelve --rolls 8", k + 40)),
             ("stand of 0.3 deg", good, bench(good, "orthogonal", k + 60, sd=0.3)),
             ("tilt of 4 deg", good, bench(good, "orthogonal", k + 70, tilt=4)),
             ("off-order", good, {n: v[order] for n, v in bench(good, "twelve", k + 80).items()}),
             ("cheap", cheap, bench(cheap, "orthogonal", k + 90, 3.0, 0.2)),
             ("coarse converter", coarse, bench(coarse, "twelve", k + 100, 0.4)),
-            ("rotations", good, bench(good, "rotations", k + 110), sd), ("norm", None, bench(good, "24", k + 120), "--method norm"),  # noqa: E501
-        ):  # fmt: skip
-            table = {n: v for n, v in given.items() if t or not n.endswith("_deg")}
-            judge = of_tool(t) if t else Case._field_defaults["off"]
-            yield Case(
-                f"{name}, tool {k}", " ".join([CALIBRATE, *options]), {"f.csv": text(table)}, judge, name == "rotations"
-            )
-    for name in ("BB", "CF", "FG", "HC"):
-        file = (DEMO / "sap6_cave" / f"{name}.json").read_bytes()
-        yield Case(f"reference sap6 {name}", "calibrate f.json --profile sap6 -o t.json", {"f.json": file}, asks=True)
-    distox = (REFERENCE / "topodroid" / "distox2.csv").read_bytes()
-    yield Case("reference distox2", "calibrate f.csv --profile topodroid -o t.json", {"f.csv": distox}, asks=True)
+            ("rotations", good, bench(good, "rotations", k + 110), sd),
+            ("norm", None, bench(good, "24", k + 120), "--method norm"),
+        ):
+            files = {"f.csv": text({n: v for n, v in given.items() if t or not n.endswith("_deg")})}
+            judge = (of_tool(t),) if t else ()
+            yield Case(f"{name}, tool {k}", " ".join([CALIBRATE, *options]), files, *judge)
+    for file in (*sorted(SAP6.glob("*.json")), REFERENCE / "topodroid" / "distox2.csv"):
+        line = f"calibrate {file.name} -o t.json --profile {'sap6' if file.suffix == '.json' else 'topodroid'}"
+        yield Case(f"reference {file.name}", line, {file.name: file.read_bytes()}, asks=True)
 
 
 def right_verify() -> Iterator[Case]:
@@ -473,69 +487,20 @@ def right_verify() -> Iterator[Case]:
         for words in ("spread", "orthogonal", "twelve", "twelve --rolls 8"):
             for stand, tilt in (("fit", 1.0), ("level --level-sd-deg 0.03", 0.02)):
                 files = {"f.csv": text(bench(tool(k), words, k + 140, sd=0.03, tilt=tilt)), "t.json": calibrated(k)}
-                agrees = lambda said: 0.0 if said["verdict"].startswith("agrees") else np.inf  # noqa: E731
+                agrees = lambda said: 9.0 * (said["verdict"] != "agrees")  # noqa: E731
                 yield Case(f"{words}, {stand}, tool {k}", f"{VERIFY} {stand}", files, agrees)
-
-
-# Gyros, and a tool that turns.
-
-SCHEMES = {"four": (0, 90, 180, 270), "mirrored": (0, 90, 180, 270, 270, 180, 90, 0), "two": (0, 180),
-           "n": (0, 72, 144, 216, 288), "carousel": tuple(np.arange(22.5, 360, 45))}  # fmt: skip
-NORTH, DYNAMIC = "gyro north f.csv --site s.toml -o o.csv --hole down", "dynamic f.csv --site s.toml -o o.csv"
-
-
-def gyro(scheme: str, axes: str, latitude: float, seed: int, size: int = 12) -> tuple[tuple, Table]:
-    """Hole and table of a run at index positions."""
-    rng, index = np.random.default_rng(seed), np.array(SCHEMES[scheme])
-    at, hole = (
-        np.repeat(np.arange(size), index.size),
-        (100 + 60.0 * np.arange(size), np.linspace(4, 48, size), np.linspace(70, 95, size)),
-    )
-    c = frame(hole[2][at], hole[1][at], rng.uniform(0, 360, size)[at] + np.tile(index, size))
-    mean = [*(2 * [np.sinc(1 / 8)] if scheme == "carousel" else [1, 1]), 1]  # of a sweep of 45 deg
-    rate = mean * (1.002 * 15.04107 * c @ field(-latitude)) + [1.5, -0.8, 0.0] + rng.normal(0, 0.03, (at.size, 3))
-    g = mean * (9.780327 * (1 + 0.0053024 * np.sin(np.radians(latitude)) ** 2) * c[:, :, 2]) + rng.normal(
-        0, 0.001, rate.shape
-    )
-    t: Table = {
-        "station": at + 1,
-        "md_m": hole[0][at],
-        "index_deg": np.tile(index, size),
-        "time_s": 60.0 * np.arange(at.size) + 300 * at,
-    }
-    t |= {"temperature_degC": np.round(25.0 + 3 * at, 1)}
-    t |= {f"accel_{n}_m_s2": np.round(g[:, "xyz".index(n)], 5) for n in ("xyz" if "z" in axes else "xy")}
-    return hole, t | {f"gyro_{n}_deg_h": np.round(rate[:, "xyz".index(n)], 4) for n in axes}
 
 
 def right_gyro() -> Iterator[Case]:
     """Every scheme, with one, two and three gyros, north and south."""
     words = {"carousel": " --sweep-deg 45", "two": " --gyro-sd-deg-h 0.03 --accel-sd-m-s2 0.001"}
-    for seed, (scheme, axes) in enumerate(
-        (s, a) for s in SCHEMES for a in ("x", "xy", "xyz") if (s, a) != ("two", "x")
-    ):
-        for latitude in (60.0, -32.0, 5.0)[: axes.count("y") + axes.count("z") + 1]:
-            hole, t = gyro(scheme, axes, latitude, seed)
+    kinds = [(s, a) for s in SCHEMES for a in ("x", "xy", "xyz") if (s, a) != ("two", "x")]
+    for seed, (scheme, axes) in enumerate(kinds):
+        for latitude in (60.0, -32.0, 5.0)[: len(axes)]:
+            angles, t = gyro(scheme, axes, latitude, seed)
             line = f"{NORTH} --scheme {scheme}{words.get(scheme, '')}{' --z-bias-sd-deg-h 0.5' if 'z' in axes else ''}"
-            files = {"f.csv": text(t), "s.toml": f'latitude_deg = {latitude}\nnorth_reference = "true"\n'}
-            yield Case(f"{scheme}, {axes}, {latitude:g}", line, files, of_angles(*hole[1:]))
-
-
-def turning(seed: int, kind: str, inclination: float = 35.0, azimuth: float = 60.0) -> tuple[Table, Judge]:
-    """Half a minute of samples of a tool whose axis stays."""
-    rng, t = np.random.default_rng(seed), np.arange(0, 30, 0.005)
-    rpm = {"still": 0 * t, "even": 120 + 0 * t, "slow": 12 + 0 * t, "stick-slip": 120 + 110 * np.sin(1.3 * t)}[kind]
-    c = frame(azimuth, inclination, np.cumsum(6 * rpm) * 0.005 + 30)
-    g = 9.819 * c[:, :, 2] + rng.normal(0, 0.003 if kind == "still" else 5.0, (t.size, 3))
-    b = 51000 * c @ field(72) + rng.normal(0, 50, (t.size, 3))
-    w = (
-        np.radians(15.04107 / 3600) * c @ field(-60)
-        + np.radians(6 * rpm)[:, None] * [0, 0, 1]
-        + rng.normal(0, 1e-4, (t.size, 3))
-    )
-    values = [t, *np.round(np.hstack([g, b]), 3).T, *np.round(w, 7).T]
-    table = dict(zip(("time_s", *RAW, "gyro_x", "gyro_y", "gyro_z"), values, strict=True))
-    return table, of_angles(np.full(3, inclination), np.full(3, azimuth))
+            files = {"f.csv": text(t), "s.toml": f"latitude_deg = {latitude}\n"}
+            yield Case(f"{scheme}, {axes}, {latitude:g}", line, files, of_angles(*angles))
 
 
 def right_dynamic() -> Iterator[Case]:
@@ -548,112 +513,41 @@ def right_dynamic() -> Iterator[Case]:
                 yield Case(f"{kind}, {inclination:g} deg, without {without}", DYNAMIC, files, judge)
 
 
-# Drill holes and casings.
-
-HOLES = "holes f.csv --collars c.csv --dip-down negative -o o.csv"
-SHIFT = "displacement f.csv g.csv --unit digi-25000 -o o.csv"
-
-
-def mine(seed: int, count: int = 8, course: float = 30.0, up: bool = False) -> tuple[Table, Table, dict]:
-    """Table of shots, one of collars, and the ends of holes."""
-    rng, shots, ends, collars = np.random.default_rng(seed), [], {}, []
-    for k in range(count):
-        n, hole = rng.integers(4, 16), f"DH{k + 1:03d}"
-        dip = (1 if up else -1) * np.clip(rng.uniform(45, 88) + np.cumsum(rng.normal(-0.2, 0.5, n)), 5, 89.5).round(1)
-        azimuth = (90 + rng.normal(0, 25) + np.cumsum(rng.normal(0.2, 0.4, n)) / np.cos(np.radians(dip))).round(1) % 360
-        depth, xyz = (
-            course * np.arange(n),
-            np.round([1000 + 50 * k, 2000 + rng.normal(0, 9), 300 + rng.normal(0, 3)], 2),
-        )
-        shots.append((np.full(n, hole, dtype=object), depth, dip, azimuth))
-        collars.append((hole, *xyz, depth[-1]))
-        ends[hole] = xyz + path(depth, 90 + dip, azimuth)[-1][[1, 0, 2]] * [1, 1, -1]
-    names = (("hole", "depth_m", "dip_deg", "azimuth_deg"), ("hole", "x_m", "y_m", "z_m", "end_depth_m"))
-    of = [
-        map(np.concatenate, zip(*shots, strict=True)),
-        (np.array(v, dtype=object) for v in zip(*collars, strict=True)),
-    ]
-    t, c = (dict(zip(n, v, strict=True)) for n, v in zip(names, of, strict=True))
-    return t, c, ends
-
-
-def of_ends(ends: dict, allowed: float) -> Judge:
-    """Judge of the ends of all holes."""
-
-    def off(said: dict) -> float:
-        t = read("o.csv")
-        last = {h: xyz for h, *xyz in zip(*(t[n] for n in ("hole", "east_m", "north_m", "elevation_m")), strict=True)}
-        return max(np.linalg.norm(np.array(last.get(h, [9e9, 0, 0])) - xyz) for h, xyz in ends.items()) / allowed
-
-    return off
-
-
 def right_holes() -> Iterator[Case]:
     """Tables of mines, by names and units of others."""
     for k in range(6):
-        t, c, ends = mine(k + 300, 3 + 3 * k, (30.0, 12.0, 50.0)[k % 3])
-        u, cu, eu = mine(k + 320, 5, up=True)
+        t, c, judge = mine(k + 300, 3 + 3 * k, (30.0, 12.0, 50.0)[k % 3])
         hole, depth, dip, azimuth = t.values()
-        feet = {
-            "BHID": hole,
-            "Depth (ft)": np.round(depth.astype(float) / 0.3048, 1),
-            "Dip (deg)": dip,
-            "Azimuth (deg)": azimuth,
-        }
-        for name, shown, collars, line, end, asks in (
-            ("", t, c, HOLES, ends, False), ("all up", u, cu, HOLES, eu, True), ("ft, BHID", feet, c, HOLES, ends, False),  # noqa: E501
-            ("dips positive", t | {"dip_deg": -dip}, c, HOLES.replace("negative", "positive"), ends, False),
-            ("inclinations", {"hole": hole, "depth_m": depth, "inclination_deg": 90 + dip, "azimuth_deg": azimuth}, c,
-             HOLES.replace(" --dip-down negative", ""), ends, False),
-        ):  # fmt: skip
-            yield Case(
-                f"mine {k} {name}", line, {"f.csv": text(shown), "c.csv": text(collars)}, of_ends(end, 0.2), asks
-            )
-
-
-def casing(
-    seed: int, moved: float, count: int = 60, unit: float = 25000.0, noise: float = 2.5
-) -> tuple[Table, Table, Judge]:
-    """Base and later readings, and the judge of the displacement of the top along A, mm."""
-    rng, depth = np.random.default_rng(seed), 0.5 * np.arange(1, count + 1)
-    shape = rng.uniform(1, 2, 2)[:, None] * [0.012 * np.sin(depth / 6) + 0.012, 0.009 * np.cos(depth / 8) - 0.004]
-    tables, band = [], (depth > 8) & (depth <= 10)
-    for k in (0, 1):
-        a, b = shape + k * np.array([[1.0], [0.2]]) * moved / 500 / band.sum() * band
-        values = (
-            unit * np.stack([a, -a, b, -b])
-            + np.array([[4], [4], [-3], [-3]])
-            + 1.5 * k
-            + rng.normal(0, noise, (4, count))
-        )
-        tables.append(dict(zip(("Depth (m)", "A0", "A180", "B0", "B180"), [depth, *np.round(values)], strict=True)))
-    return *tables, lambda said: abs(read("o.csv")["a_mm"][0] - moved) / limit(3.0, read("o.csv")["u_a_mm"][0], 1)
+        c |= {"end_depth_m": [depth[hole == one][-1] for one in c["hole"]]}
+        feet = named("BHID,Depth (ft),Dip (deg),Azimuth (deg)", [hole, (depth / 0.3048).round(1), dip, azimuth])
+        slopes = named("hole,depth_m,inclination_deg,azimuth_deg", [hole, depth, 90 + dip, azimuth])
+        for name, shown, line in (
+            ("", t, HOLES), ("ft, BHID", feet, HOLES),
+            ("inclinations", slopes, HOLES.replace(" --dip-down negative", "")),
+            ("dips positive", t | {"dip_deg": -dip}, HOLES.replace("negative", "positive")),
+        ):
+            yield Case(f"mine {k} {name}", line, {"f.csv": text(shown), "c.csv": text(c)}, judge)
+        t, c, judge = mine(k + 320, 5, up=True)
+        yield Case(f"mine {k} all up", HOLES, {"f.csv": text(t), "c.csv": text(c)}, judge, True)
 
 
 def right_displacement() -> Iterator[Case]:
     """Casings that moved and that did not, of every probe."""
     for k in range(6):
-        for name, moved, *more in (
-            ("at rest", 0.0),
-            ("sheared", 12.0),
-            ("short", 3.0, 25),
-            ("deep", 25.0, 200, 25000.0, 5.0),
-        ):
-            base, later, judge = casing(k + 400, moved, *more)
+        for name, *of in (("at rest", 0.0), ("sheared", 12.0), ("short", 3.0, 25), ("deep", 25.0, 200, 25000.0, 5.0)):
+            base, later, judge = casing(k + 400, *of)
             yield Case(f"{name} {k}", SHIFT, {"f.csv": text(base), "g.csv": text(later)}, judge)
         *two, judge = casing(k + 410, 6.0, 60, 20000.0)
-        files = {
-            n: text({m: v / (1 if "D" in m else 40) for m, v in t.items()})
-            for n, t in zip(("f.csv", "g.csv"), two, strict=True)
-        }
-        yield Case(f"mm {k}", SHIFT.replace("digi-25000", "mm"), files, judge)
+        files = [text({n: v / (1 if "D" in n else 40) for n, v in t.items()}) for t in two]
+        yield Case(f"mm {k}", SHIFT.replace("digi-25000", "mm"), named("f.csv,g.csv", files), judge)
 
 
 # Mistakes: what they do to the columns. h: second half, q: last sixth, k: one row; G, B: size of the fields.
 
-SHORT = {"md_m": "md", "depth_m": "md", "Depth (m)": "md", "inclination_deg": "I", "azimuth_deg": "A", "toolface_deg": "T",  # noqa: E501
-         "dip_deg": "dip", "reference_dip_deg": "dip", "index_deg": "index"} | {n: n[:2] for n in SIX} | dict(zip(RAW, ("gx", "gy", "gz", "bx", "by", "bz"), strict=True)) | {  # noqa: E501
-         f"accel_{n}_m_s2": f"g{n}" for n in "xyz"} | {f"gyro_{n}{u}": f"w{n}" for n in "xyz" for u in ("", "_deg_h")}  # fmt: skip  # noqa: E501
+SHORT = named(f"{LISTED},toolface_deg,dip_deg,reference_dip_deg", ("md", "I", "A", "T", "dip", "dip"))
+SHORT |= {"depth_m": "md", "Depth (m)": "md", "index_deg": "index"}
+SHORT |= named(f"{SIX},{RAW}", 2 * ("gx", "gy", "gz", "bx", "by", "bz"))
+SHORT |= named("accel_x_m_s2,accel_y_m_s2,gyro_x_deg_h,gyro_y_deg_h,gyro_z", ("gx", "gy", "wx", "wy", "wz"))
 AXES = """bx, by = by, bx | bz = -bz | bx = -bx | gy = -gy | bx, by, bz = -bx, -by, -bz | gx, gy, gz = -gx, -gy, -gz
 bx, by, bz = by, bz, bx | gx, gy, gz, bx, by, bz = bx, by, bz, gx, gy, gz"""
 PARTS = """bx[h] = bx[h][0] | bz[q] = bz[q][0] | gz[h] = gz[h][0] | gx[h] = gx[h][0] | bx[h] *= 1.03 | bz[h] *= 1.03
@@ -666,7 +560,7 @@ SITES = """bx, by, bz = bx / 1e3, by / 1e3, bz / 1e3 | gx, gy, gz = gx / 9.8, gy
 s = s.replace('g = 72', 'g = -72') | bx *= 1.03 | gz *= 1.03 | bx += .04 * B | gx += .03 * G
 s = s.replace('g = 72', 'g = 4') | line += ' --convention iscwsa' | line += ' --convention specific-force'
 line += ' --convention z-up'"""
-DIALS = """A = 360 - A | T = -T % 360 | I = 90 - I | I = 180 - I | A[h] += 5 | A[k] += 10 | T[k] += 180 | T[h] += 3
+KNOCKS = """A = 360 - A | T = -T % 360 | I = 90 - I | I = 180 - I | A[h] += 5 | A[k] += 10 | T[k] += 180 | T[h] += 3
 A, T = T, A | A, I, T = np.roll(A, 1), np.roll(I, 1), np.roll(T, 1)
 A = np.radians(A); I = np.radians(I); T = np.radians(T) | dip = -dip | dip = dip - 10 | I[k] += 2
 gx, gy, gz = np.clip(gx, -.8 * G, .8 * G), np.clip(gy, -.8 * G, .8 * G), np.clip(gz, -.8 * G, .8 * G)"""
@@ -702,82 +596,55 @@ A0, A180, B0, B180 = A0 / 50, A180 / 50, B0 / 50, B180 / 50"""
 
 def spoilt(name: str, faults: str, line: str, table: Table, files: dict, off: Judge, **more: Any) -> Iterator[Case]:
     """A case a mistake."""
+    n = len(next(iter(table.values())))
+    more |= {"np": np, "n": n, "h": slice(n // 2, n), "q": slice(5 * n // 6, n), "k": n // 3, "line": line}
+    more |= {
+        "board": np.eye(3) + np.random.default_rng(n).normal(0, 0.03, (3, 3)),
+        "r": np.radians(2.0),
+        "rows": slice(n),
+    }
     for fault in faults.replace("\n", " | ").split(" | "):
-        n = len(next(iter(table.values())))
-        rng = np.random.default_rng(n)
-        board = np.eye(3) + rng.normal(0, 0.03, (3, 3))
-        env = more | {SHORT.get(m, m): np.array(v, object if m == "hole" else float) for m, v in table.items()}
-        env |= {"np": np, "n": n, "h": slice(n // 2, n), "q": slice(5 * n // 6, n), "k": n // 3, "rows": slice(0, n)}
-        env |= {"board": board, "s": files.get("s.toml", ""), "line": line, "r": np.radians(2.0)}
+        columns = {SHORT.get(m, m): np.array(v, object if m == "hole" else float) for m, v in table.items()}
+        env = more | columns | {"s": files.get("s.toml", "")}
         exec(fault, env)
-        shown = {m: env[SHORT.get(m, m)][env["rows"]] for m in table}
-        kept = {"s.toml": env["s"]} if "s.toml" in files else {}
-        yield Case(
-            f"{name}: {fault}", env["line"], files | kept | {"g.csv" if "g.csv" in line else "f.csv": text(shown)}, off
-        )
+        shown = text({m: env[SHORT.get(m, m)][env["rows"]] for m in table})
+        kept = {n: env["s"] if n == "s.toml" else content for n, content in files.items()}
+        yield Case(f"{name}: {fault}", env["line"], kept | {"g.csv" if "g.csv" in line else "f.csv": shown}, off)
 
 
 def wrong(command: str) -> Iterator[Case]:
     """Mistakes in the files of a command."""
-    hole, table = six("J", "north sea", 900)
-    fields = FIELDS, table, {"s.toml": site("north sea")}, of_angles(*hole[1:])
-    hole, table, files = raw("J", 2)
-    counts = COUNTS, table, files, of_angles(*hole[1:])
-    t = listing(well("J", np.random.default_rng(901)))
-    rough = listing(well("courses of 100 m", np.random.default_rng(902)))
+    counts = {"G": 16500, "B": 16500}
     if command == "survey":
-        yield from spoilt("fields", f"{AXES}\n{PARTS}\n{SITES}", *fields, G=9.8, B=51000)
-        yield from spoilt("counts", f"{AXES}\n{PARTS}", *counts, G=16500, B=16500)
-        yield Case(
-            "calibration of another tool", COUNTS, files | {"f.csv": text(table), "t.json": calibrated(0)}, counts[3]
-        )
+        hole, table = six("J", "north sea", 900)
+        off, files = of_angles(*hole[1:]), {"s.toml": site("north sea")}
+        yield from spoilt("fields", f"{AXES}\n{PARTS}\n{SITES}", FIELDS, table, files, off, G=9.8, B=51000)
+        hole, table, files = raw("J", 2)
+        other = files | {"t.json": calibrated(0)}
+        yield from spoilt("counts", f"{AXES}\n{PARTS}", COUNTS, table, files, of_angles(*hole[1:]), **counts)
+        yield from spoilt("counts", "'tool.json of another tool'", COUNTS, table, other, of_angles(*hole[1:]))
     elif command == "position":
-        yield from spoilt("J", DEPTHS, GRID, t, {}, of_end(path(*t.values())[-1], 30), tvd=path(*t.values())[:, 2])
-        yield from spoilt("100 m", TYPOS, GRID, rough, {}, of_end(path(*rough.values())[-1], 30))
+        for seed, (kind, faults) in enumerate({"J": DEPTHS, "courses of 100 m": TYPOS}.items()):
+            t = listing(well(kind, np.random.default_rng(901 + seed)))
+            way = path(*t.values())
+            yield from spoilt(kind, faults, GRID, t, {}, of_end(way[-1], 30), tvd=way[:, 2])
     elif command == "calibrate":
-        yield from spoilt(
-            "24",
-            f"{PARTS}\n{DIALS}",
-            CALIBRATE,
-            bench(tool(1), "orthogonal", 903),
-            {},
-            of_tool(tool(1)),
-            G=16500,
-            B=16500,
-        )
-        yield from spoilt("12", DIALS, CALIBRATE, bench(tool(1), "twelve", 904), {}, of_tool(tool(1)), G=16500, B=16500)
+        for words, faults in {"orthogonal": f"{PARTS}\n{KNOCKS}", "twelve": KNOCKS}.items():
+            yield from spoilt(words, faults, CALIBRATE, bench(tool(1), words, 903), {}, of_tool(tool(1)), **counts)
     elif command == "verify":
-        given = (
-            bench(tool(1), "orthogonal", 905, sd=0.03),
-            {"t.json": calibrated(1)},
-            lambda said: np.inf * said["verdict"].startswith("agrees"),
-        )
-        yield from spoilt(
-            "24",
-            f"{AXES}\nA[h] += 5 | I[k] += 3 | bx *= 1.03 | gx += .03 * G | A, T = T, A",
-            f"{VERIFY} fit",
-            *given,
-            G=16500,
-            B=16500,
-        )
-        yield from spoilt("24", "rows = np.zeros(12, int)", f"{VERIFY} fit", *given)
+        faults = f"{AXES}\nA[h] += 5 | I[k] += 3 | bx *= 1.03 | gx += .03 * G | A, T = T, A | rows = np.zeros(12, int)"
+        t, files = bench(tool(1), "orthogonal", 905, sd=0.03), {"t.json": calibrated(1)}
+        agrees = lambda said: 9.0 * (said["verdict"] == "agrees")  # noqa: E731
+        yield from spoilt("24", faults, f"{VERIFY} fit", t, files, agrees, **counts)
     elif command == "gyro":
-        hole, t = gyro("four", "xy", 60.0, 906)
-        yield from spoilt("four", TURNS, NORTH, t, {"s.toml": "latitude_deg = 60.0\n"}, of_angles(*hole[1:]))
+        angles, t = gyro("four", "xy", 60.0, 906)
+        yield from spoilt("four", TURNS, NORTH, t, {"s.toml": "latitude_deg = 60.0\n"}, of_angles(*angles))
     elif command == "dynamic":
-        for kind in ("even",):
-            t, off = turning(907, kind)
-            yield from spoilt(kind, MOVES, DYNAMIC, t, {"s.toml": site("north sea")}, off, G=9.8, B=51000)
+        t, off = turning(907, "even", 35.0)
+        yield from spoilt("even", MOVES, DYNAMIC, t, {"s.toml": site("north sea")}, off, G=9.8, B=51000)
     elif command == "holes":
-        t, c, ends = mine(908)
-        yield from spoilt(
-            "mine",
-            SHOTS,
-            HOLES,
-            t,
-            {"c.csv": text({n: v for n, v in c.items() if n != "end_depth_m"})},
-            of_ends(ends, 10),
-        )
+        t, c, off = mine(908)
+        yield from spoilt("mine", SHOTS, HOLES, t, {"c.csv": text(c)}, off)
     elif command == "displacement":
         base, later, off = casing(909, 0.0)
         yield from spoilt("casing", CASINGS, SHIFT, later, {"f.csv": text(base)}, off)
@@ -786,7 +653,7 @@ def wrong(command: str) -> Iterator[Case]:
 RIGHT: dict[str, Callable[[], Iterator[Case]]] = {
     "survey": right_survey, "position": right_position, "calibrate": right_calibrate, "verify": right_verify,
     "gyro": right_gyro, "dynamic": right_dynamic, "holes": right_holes, "displacement": right_displacement,
-}  # fmt: skip
+}
 
 
 def judged(part: str, name: str) -> tuple[Counter, list[str]]:
@@ -796,7 +663,7 @@ def judged(part: str, name: str) -> tuple[Counter, list[str]]:
         become, off, codes = run(case)
         if part == "wrong" and become == "silent":
             become = "SILENT-WRONG" if off > 1 else "harmless"
-        if part == "right" and case.asks and become == "warned":
+        if case.asks and become == "warned":
             become = "rightly warned"
         counts.update(["files", become, *(["number wrong"] if off > 1 else [])])
         if part == "wrong" or become not in ("silent", "rightly warned") or off > 1:
@@ -813,9 +680,8 @@ def main() -> None:
     os.environ["INCLINOMETRY_KEYS"] = tempfile.mkdtemp()
     for part in (given.part,) if given.part else ("right", "wrong"):
         found = {name: judged(part, name) for name in RIGHT if given.only in (None, name)}
-        for name, (counts, _) in found.items():
-            print(f"{part} {name:12}", dict(counts))
-        print(f"{part} {'all':12}", dict(sum((counts for counts, _ in found.values()), Counter())))
+        found["all"] = sum((counts for counts, _ in found.values()), Counter()), []
+        print("\n".join(f"{part} {name:12} {dict(counts)}" for name, (counts, _) in found.items()))
         print("\n".join(sorted(line for _, lines in found.values() for line in lines)))
 
 

@@ -169,6 +169,9 @@ def _reference(table: Frame) -> str:
             raise table.error(Finding("input-choice", facts), row)
         if cell != cells[0]:
             raise table.error(differs(table, "azimuth_reference", cell, cells[0], 0), row)
+    stated = str(current().constants.get("azimuth_reference", cells[0]))
+    if stated != cells[0]:
+        raise table.error(Finding("table-north-differs", {"value": cells[0], "stated": stated}))
     return cells[0]
 
 
