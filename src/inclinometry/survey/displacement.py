@@ -16,7 +16,7 @@ from inclinometry.survey.run_stations import copied_block, repeated_block
 
 SPIKE_LIMIT: Final = 5.0
 """How many robust standard deviations from the median make a check-sum a spike: one of 400 sound sets of 60
-normal ones has such a value, as their scatter is estimated too."""
+normal values has such a value, as their scatter is estimated too."""
 ROUNDING: Final = 1e-12
 """Difference of two sines that is rounding and no reading: a probe resolves 1e-5."""
 RESOLUTION: Final = 1e-6
