@@ -679,10 +679,12 @@ def main() -> None:
     given = parser.parse_args()
     os.environ["INCLINOMETRY_KEYS"] = tempfile.mkdtemp()
     for part in (given.part,) if given.part else ("right", "wrong"):
-        found = {name: judged(part, name) for name in RIGHT if given.only in (None, name)}
-        found["all"] = sum((counts for counts, _ in found.values()), Counter()), []
-        print("\n".join(f"{part} {name:12} {dict(counts)}" for name, (counts, _) in found.items()))
-        print("\n".join(sorted(line for _, lines in found.values() for line in lines)))
+        total, lines = Counter(), []
+        for name in RIGHT if given.only is None else (given.only,):
+            counts, more = judged(part, name)
+            print(f"{part} {name:12} {dict(counts)}", flush=True)
+            total, lines = total + counts, lines + more
+        print("\n".join([f"{part} {'all':12} {dict(total)}", *sorted(lines)]))
 
 
 if __name__ == "__main__":
