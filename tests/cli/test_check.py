@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inclinometry.findings import example, say
 from inclinometry.rotations import dcm, rotation_z
 
 LISTING = (
@@ -186,6 +187,9 @@ def test_a_code_is_explained(run):
     entry = run("explain run-depth-digit --json").json
     assert (entry["code"], entry["group"]) == ("run-depth-digit", "depths")
     assert set(entry["example"]) == {"course_m", "md_m", "expected_m"}
+    found = example("run-depth-digit")
+    for language in ("ru", "zh"):
+        assert say(found, language) in run("explain run-depth-digit --language", language).out
     done = run("explain run-channel --json")  # a part of other sentences
     assert done.json["means"] is None
     assert run("explain", "[RUN-depth-digit]").out == run("explain", "run-depth-digit").out
@@ -214,7 +218,11 @@ def test_looking_without_writing(run):
     assert "304.80" in done.out
     assert "nothing was written" in done.out
     Path("b.csv").write_text("MD,INC,AZI,azimuth_reference\n0,0,0,grid\n1000,10.5,20,grid\n")
-    run("position b.csv --units ft,deg --azimuth-reference true").refused("[input-repeated]")
+    run("position b.csv --units ft,deg --azimuth-reference true").refused("[table-north-differs]")
+    assert (
+        run("position b.csv --units ft,deg --azimuth-reference grid").ok().out
+        == run("position b.csv --units ft,deg").out
+    )
 
 
 @pytest.mark.long

@@ -107,6 +107,8 @@ def test_one_gyro_three_axes_and_one_station(run, simulated):
     assert run(*NORTH, "-o", "out.csv").status == 0
     assert run(*NORTH, "-o", "down.csv", "--hole", "down", "--json").json["flagged"] == 0
     simulated("--axes", 3)
+    done = run(*NORTH, "-o", "out.csv")
+    assert done.ok().err == ""
     assert run(*NORTH, "-o", "out.csv", "--json").json["flagged"] == 0
     assert run(*NORTH, "-o", "out.csv", "--z-bias-sd-deg-h", 2.0).status == 0
     save(rows_of("raw.csv")[:4], "raw.csv")

@@ -111,7 +111,7 @@ def both(change):
         (put("covariance", "matrix", 0, 0, -1.0), "record-covariance"),
         (both(list.reverse), "record-names"),
         (both(lambda rows: rows.pop(0)), "input-shape"),
-        (put("reference", "b_nT", 5.0), "input-value reference b"),
+        (put("reference", "b_nT", 5.0), "input-value b"),
         (lambda content: content.pop("noise"), "input-missing $.noise"),
         (put("noise", 2, 2, -1.0), "record-covariance"),
         (put("parameters", 1, "gain", 0, 0, 6), "input-value $.parameters[1].gain[0][0]"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +15,12 @@ from lxml import etree
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
+from inclinometry.files.position_csv import read_well
+from inclinometry.files.six_axis import read_survey
 from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.witsml import read_witsml, write_witsml
 from inclinometry.orientation import angles, fields
+from inclinometry.workflow.six_axis import read_six_axis
 
 from .surveys import same, saved
 
@@ -166,7 +170,7 @@ MD_1, INCL = '<md uom="ft">1</md>', '<incl uom="dega">20'
         (INCL, '<incl uom="dega">200', "input-value inclination_deg"),
         ("<aziRef>grid north</aziRef>", "", "table-north"),
         ("grid north", "lunar north", "input-value aziRef"),
-        ("1series", "131", "file-section"),
+        ("1series", "120", "file-section"),
         ('version="1.4.1.1"', 'version="1.3.1.1"', "file-version"),
         ('<stnGridCorUsed uom="dega">-0.4917</stnGridCorUsed>',
          '<stnGridCorUsed uom="dega">-0.4917</stnGridCorUsed><stnGridConUsed uom="dega">0.4917</stnGridConUsed>',
@@ -324,3 +328,44 @@ def test_a_trajectory_without_stations_and_one_of_an_unknown_north(tmp_path):
     assert read_witsml(path, azimuth_reference="true").azimuth_reference == "true"
     with refused("table-north", error=FileError):
         read_witsml(path)
+
+
+def other_version(text, version):
+    """A document of 1.4.1.1 as WITSML 1.3.1.1, 2.0 or 2.1 has it."""
+    own = "http://www.witsml.org/schemas/1series"
+    if version == "1.3.1.1":
+        return text.replace(own, "http://www.witsml.org/schemas/131").replace("1.4.1.1", version)
+    trajectory = text[text.index("<trajectory ") : text.index("</trajectorys>")]
+    trajectory = re.sub(r"(</?)([a-z])", lambda found: found[1] + found[2].upper(), trajectory)
+    head = (
+        f'xmlns="http://www.energistics.org/energyml/data/witsmlv2" xmlns:eml="e" schemaVersion="{version}" uuid="a-1"'
+    )
+    trajectory = re.sub(r"<Trajectory [^>]*>", f"<Trajectory {head}>", trajectory)
+    trajectory = re.sub(r"<Name>(.*)</Name>", r"<eml:Citation><eml:Title>\1</eml:Title></eml:Citation>", trajectory)
+    trajectory = trajectory.replace("dega/30m", "1/30 dega/m")
+    if version == "2.1":
+        trajectory = re.sub(r"<Md (uom=.*)</Md>", r"<Md><eml:MeasuredDepth \1</eml:MeasuredDepth></Md>", trajectory)
+    return trajectory
+
+
+@pytest.mark.parametrize("version", ["1.3.1.1", "2.0", "2.1"])
+def test_other_versions_say_the_same(tmp_path, version):
+    write_witsml(full(), tmp_path / "a.xml")
+    text = other_version((tmp_path / "a.xml").read_text().partition("?>")[2], version)
+    found = read_witsml(saved(tmp_path / "b.xml", text), trajectory="run 3")
+    assert same(replace(found, extra={}, header=full().header), full(), rtol=1e-13)
+    assert read_survey(tmp_path / "b.xml").md.tolist() == full().md.tolist()  # by what it begins with
+    with refused("file-version", error=FileError):
+        read_witsml(saved(tmp_path / "b.xml", text.replace(version, "3.0")))
+
+
+def test_a_tie_in_without_sensors_is_left_out_and_said(tmp_path):
+    survey = replace(full(6), used=None)
+    write_witsml(survey, tmp_path / "a.xml")
+    text = re.sub(r"<rawData>.*?</rawData>", "", (tmp_path / "a.xml").read_text(), count=1, flags=re.DOTALL)
+    path = saved(tmp_path / "b.xml", text)
+    site = saved(tmp_path / "site.toml", "g = 9.81\nb_nT = 50000\ndip_deg = 72\n")
+    found = read_six_axis(path, site, convention="iscwsa", ignored=None)
+    assert found.stations.md.tolist() == survey.md[1:].tolist()
+    assert [one.values for one in found.findings if one.code == "table-left-bare"] == [{"count": 1, "total": 6}]
+    assert read_well(path).md.tolist() == survey.md.tolist()  # a path needs no sensors

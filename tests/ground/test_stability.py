@@ -68,7 +68,7 @@ def test_a_file_says_what_the_tool_does(tmp_path):
 
 
 def test_an_age_out_of_range_is_refused():
-    with refused("input-value", name="time since the calibration"):
+    with refused("input-value", name="years"):
         add_stability(tool(), -1.0)
 
 

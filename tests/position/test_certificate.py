@@ -266,7 +266,7 @@ class TestBesideTheCertificate:
         assert sum(is_sensor_term(one.name) for one in code.terms) == 14
         with refused("input-not-with", name="ABZ"):
             with_terms(code, ["DRFR", "ABZ"])
-        with refused("input-choice", name="term of iscwsa-mwd-rev5.1"):
+        with refused("input-choice", name="iscwsa-mwd-rev5.1.term"):
             with_terms(code, ["SAG"])
         with refused("input-needs", name="magnitudes"):
             with_terms(code, ["DRFR"], {"DSFS": 1e-4})

@@ -50,11 +50,11 @@ def test_vectors_ties_and_values_that_formulas_name(tmp_path):
 @pytest.mark.parametrize(
     ("line", "code"),
     [
-        ("a q s d 1 1", "input-choice vector of a"),
-        ("a b s d 1 1", "input-choice vector of a"),
-        ("a i t d 1 1", "input-choice tie-on of a"),
-        ("a i s rad 1 1", "input-choice unit of a"),
-        ("a a s - 1 1/erot", "input-choice unit of a"),
+        ("a q s d 1 1", "input-choice a.vector"),
+        ("a b s d 1 1", "input-choice a.vector"),
+        ("a i t d 1 1", "input-choice a.tie-on"),
+        ("a i s rad 1 1", "input-choice a.unit"),
+        ("a a s - 1 1/erot", "input-choice a.unit"),
         ("a i s d one 1", "input-kind"),
         ("a i s d 1 sin(tfo)", "position-formula"),
         ("a i s d 1 __import__(1)", "position-formula"),

@@ -53,10 +53,10 @@ def test_a_number_beyond_reason_is_refused():
 
 
 def test_a_term_without_any_formula_is_refused():
-    with refused("input-empty", name="formulas of SAG"):
+    with refused("input-empty", name="SAG.formulas"):
         term("SAG", 0.2, "deg", "systematic", ("0", "0", "0"))
 
 
 def test_inclinations_the_wrong_way_round_are_refused():
-    with refused("input-value", name="inclinations of SAG"):
+    with refused("input-value", name="SAG.inclinations"):
         term("SAG", 0.2, "deg", "systematic", ("0", "Sin(Inc)", "0"), inclinations=(1.0, 0.5))

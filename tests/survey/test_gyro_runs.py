@@ -139,9 +139,9 @@ def test_unknown_azimuth_is_not_judged():
 def test_what_cannot_be_compared_is_refused():
     with refused("input-north"):
         compared(run(), run(north="grid"))
-    with refused("input-order", name="md of the out-run"):
+    with refused("input-order", name="out-run.md"):
         compared(run(), run(md=[10.0, 10.0]))
-    with refused("input-value", name="inclination of the in-run[0]"):
+    with refused("input-value", name="in-run.inclination[0]"):
         compared(run(-1.0), run())
 
 

@@ -221,7 +221,7 @@ def test_reference_of_a_site():
 
 @pytest.mark.parametrize("degrees", [-91.0, 91.0])
 def test_a_dip_is_no_more_than_vertical(degrees):
-    with refused("input-value", name="reference dip"):
+    with refused("input-value", name="dip"):
         replace(REFERENCE, dip=np.radians(degrees))
 
 

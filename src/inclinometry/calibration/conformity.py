@@ -488,8 +488,8 @@ def _hidden_constant_error(readings: BenchReadings, fit: BaseFit, *, both: bool)
         kept = float(np.linalg.norm(fit.left(pattern))) / max(float(np.linalg.norm(pattern)), 1e-12)
         shares[name] = 100.0 * max(0.0, 1.0 - kept)
     values = {"inclination_percent": shares["inclination"], "toolface_percent": shares["toolface"]}
-    hidden = Finding("verify-hidden", values, severity="note")
-    return [hidden, _idle_for("it is attributed to the stand", "a constant error of azimuth")] if both else [hidden]
+    hidden = [Finding("verify-hidden", values, severity="note")] if max(shares.values()) >= 0.5 else []
+    return hidden + ([_idle_for("it is attributed to the stand", "a constant error of azimuth")] if both else [])
 
 
 def _idle_for(why: str, *names: str) -> Finding:

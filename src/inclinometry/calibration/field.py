@@ -296,7 +296,8 @@ def calibrate_field(
             found_so.append(Finding("fit-shot-odd", values | {"what": "pointing within its roll set"}, (k,)))
     found_so += [Finding("fit-noise-expected", {"of": of}, severity="note") for of in found.blind]
     if len(shots.kinds) == 2 and (shots.member >= 0).all() and "dip" not in readings.reference:
-        found_so.append(Finding("fit-rolls-alone"))
+        sets = len(set(shots.member.tolist()))  # a cave's calibration has 14 directions
+        found_so.append(Finding("fit-rolls-alone", severity="warning" if sets < 14 else "note"))
     found_so += warn_axes(shots.kinds, at, flip)
     return assemble(readings, name, found, at, projection, scales, found_so)
 

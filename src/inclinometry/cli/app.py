@@ -135,7 +135,7 @@ check | check:check | Show how a file is read. Columns, units, rate and the comm
 along a hole (exit status 1 if it cannot be true); writes a draft of a profile. | logger.txt -o profile.toml
 list | check:list_ | List names: plans, limits, tool codes, profiles, formats, columns, conventions, findings. | \
 profiles
-explain | explain:explain | Explain the code of a finding. From what size on it is found, and what to do. | \
+explain | explain:explain | Explain the code of a finding. Meaning, size, remedy; --language is of the sentence. | \
 run-depth-digit
 convert | convert:convert | Convert a survey to another format. Names what that format cannot hold. | survey.csv \
 survey.las

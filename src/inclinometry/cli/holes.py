@@ -38,7 +38,7 @@ def holes(
     dip_down
         Sign of a downward dip; in most mines negative.
     azimuth_add
-        Added to every azimuth, or to the magnetic ones where azimuth_reference has both: declination less convergence.
+        Added to every azimuth, or to the magnetic rows where azimuth_reference has both: declination less convergence.
     every
         Also write points at this interval, m.
     skip_faulty

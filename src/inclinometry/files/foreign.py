@@ -100,7 +100,7 @@ def _kind(start: bytes) -> Read | None:
         return _las
     if read is None and re.match(rb"&&\s", text):
         return _wits
-    if read is None and text[:1] == b"<" and b"trajectorys" in start:
+    if read is None and text[:1] == b"<" and re.search(rb"<(\w+:)?(trajectorys|Trajectory)\b", text):
         return _witsml
     if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
         return _p7

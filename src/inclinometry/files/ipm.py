@@ -90,13 +90,13 @@ def _row(cells: list[str], values: Mapping[str, str]) -> tuple[str, str, _Row]:
     vector, tie, unit = vector.lower(), tie.lower(), unit.lower()
     for what, cell, allowed in (("vector", vector, _VECTORS), ("tie-on", tie, _TIES), ("unit", unit, _UNITS)):
         if cell not in allowed:
-            raise not_among(f"{what} of {name}", cell, allowed)
+            raise not_among(f"{name}.{what}", cell, allowed)
     try:
         size = float(value)
     except ValueError:
-        raise wrong_kind(f"value of {name}", value, "number") from None
+        raise wrong_kind(f"{name}.value", value, "number") from None
     if unit != "d" and re.search(r"\berot\b", formula, re.IGNORECASE):
-        raise not_among(f"unit of {name}", unit, ("d",))
+        raise not_among(f"{name}.unit", unit, ("d",))
     for known in sorted(values, key=len, reverse=True):  # their names may have hyphens
         own = re.compile(rf"(?<!\w){re.escape(known)}(?!\w)", re.IGNORECASE)
         formula = values[known].join(own.split(formula))

@@ -247,17 +247,20 @@ def restored(kept: Mapping[str, Any] | str, severity: Severity = "warning") -> F
     """A finding as a file keeps it; `record-text` for the sentence of an older file, or a code of another version."""
     if isinstance(kept, str):
         return Finding("record-text", {"text": kept}, severity=severity)
-    name = kept["code"].partition("-")[0]
-    own = room(name).get(kept["code"]) if name in rooms() else None
+    code, rows = kept["code"], tuple(row - 1 for row in kept["rows"])
+    name = code.partition("-")[0]
+    own = room(name).get(code) if name in rooms() else None
     if own is not None and own.example.keys() <= kept["values"].keys():
-        values = {name: _restored(value) for name, value in kept["values"].items()}
-        found = Finding(kept["code"], values, tuple(row - 1 for row in kept["rows"]), kept["severity"])
         try:
+            found = Finding(
+                code, {name: _restored(value) for name, value in kept["values"].items()}, rows, kept["severity"]
+            )
             say(found)
             return found
         except (KeyError, TypeError, ValueError):  # a value of another kind
             pass
-    return restored(str(dict(kept)), kept["severity"])
+    values = ", ".join(f"{name} {value}" for name, value in kept["values"].items())
+    return Finding("record-text", {"text": f"{code}: {values}" if values else code}, rows, kept["severity"])
 
 
 def findings_in(record: Mapping[str, Any]) -> tuple[Finding, ...]:

@@ -16,12 +16,12 @@ from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import listed_axis
-from inclinometry.files.columns import PARTS, SURVEY, numbers_among
+from inclinometry.files.columns import PARTS, SURVEY, channel, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.gyro_csv import STATION
 from inclinometry.files.profile import current
 from inclinometry.files.survey_csv import check_increasing, differs
-from inclinometry.files.table import read_table
+from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import NULLS, NumberReader, Progress
 from inclinometry.findings import Finding, Value
 from inclinometry.position.propagation import PositionUncertainty
@@ -104,7 +104,10 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     used = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
     names, gaps = (*SURVEY, *used, *_LISTED), [*others, "temperature_degC", *_LISTED]
-    table = read_table(path, progress, numeric=numbers_among(names), gaps=gaps)
+    opened, numeric = TableFile(path, progress), numbers_among(names)
+    # a channel is not needed here: a tie-in has none
+    gaps += [name for name in opened.take(numeric) if channel(name)]
+    table = opened.read(numeric, gaps)
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
     if "inclination_deg" not in table and "azimuth_deg" not in table and (axes := _axes(table)):
         return _through(table, *axes)
@@ -169,6 +172,9 @@ def _reference(table: Frame) -> str:
             raise table.error(Finding("input-choice", facts), row)
         if cell != cells[0]:
             raise table.error(differs(table, "azimuth_reference", cell, cells[0], 0), row)
+    stated = str(current().constants.get("azimuth_reference", cells[0]))
+    if stated != cells[0]:
+        raise table.error(Finding("table-north-differs", {"value": cells[0], "stated": stated}))
     return cells[0]
 
 

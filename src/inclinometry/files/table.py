@@ -86,7 +86,10 @@ class TableFile:
                 pieces = chain([one], pieces)
         self._numbers = NumberReader(self.path, self.word)
         self._width, self._count = len(written), 0
-        self._extra = [*self._profile.constants, *["time_s"] * bool(self._profile.rate_hz)]
+        # the north may be stated twice, as long as both are the same
+        told = {name: value for name, value in self._profile.constants.items() if name != "azimuth_reference"}
+        self._constants = told if "azimuth_reference" in written else self._profile.constants
+        self._extra = [*self._constants, *["time_s"] * bool(self._profile.rate_hz)]
         keys = [profile.key_of(name) for name in written]
         self._blank = {k: self._profile.blank[key] for k, key in enumerate(keys) if key in self._profile.blank}
         self._deleted = {k: profile.deleted[key] for k, key in enumerate(keys) if key in profile.deleted}
@@ -248,7 +251,7 @@ class TableFile:
         if not self._extra:
             lines, columns = _filled(lines, columns)
         size = len(lines)
-        for value in self._profile.constants.values():
+        for value in self._constants.values():
             columns.append((value,) * size if isinstance(value, str) else np.full(size, value))
         if self._profile.rate_hz:
             columns.append(np.arange(self._count, self._count + size) / self._profile.rate_hz)

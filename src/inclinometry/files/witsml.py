@@ -1,4 +1,4 @@
-"""WITSML 1.4.1.1 trajectories: stations with raw data, corrections, checks and covariance, read and written.
+"""WITSML trajectories: stations with raw data, corrections, checks and covariance, read; 1.4.1.1 also written.
 
 The standard names the sensors' axes axial, tran1 and tran2 and says no more than that they are at right angles. Here
 they are taken as a vendor's z, x and y, in the convention the caller names: "iscwsa" (SPE 67616: y along the index
@@ -78,7 +78,7 @@ LARGEST: Final = 256 * 1024 * 1024
 
 
 def load(path: Path) -> tuple[Any, bytes]:
-    """The root element `trajectorys`, checked for namespace and version, and the bytes of the file."""
+    """The root element `trajectorys`, as 1.4.1.1 has it, checked for its version, and the bytes of the file."""
     from lxml import etree
 
     data = whole(path, LARGEST)
@@ -95,14 +95,37 @@ def load(path: Path) -> tuple[Any, bytes]:
         raise FileError(damaged("XML", error.msg), path=path, line=error.lineno or 1) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FileError(damaged("WITSML", "DOCTYPE"), path=path, line=1)
-    wanted = f"{{{_data()['namespace']}}}trajectorys"
-    if root.tag != wanted:
-        raise FileError(Finding("file-section", {"section": wanted}), path=path, line=root.sourceline)
-    if root.get("version") != _data()["version"]:
-        found = str(root.get("version"))[:60]
-        known = Finding("file-version", {"format": "WITSML", "version": found, "known": (_data()["version"],)})
+    own = ["trajectorys", _data()["namespace"], "version", _data()["version"]]
+    fits = {f"{{{space}}}{name}": (key, start) for name, space, key, start in [own, *_data()["others"]]}
+    if root.tag not in fits:
+        raise FileError(Finding("file-section", {"section": _tag("trajectorys")}), path=path, line=root.sourceline)
+    key, start = fits[root.tag]
+    if not root.get(key, "").startswith(start):
+        found, versions = str(root.get(key))[:60], tuple(version for _, version in fits.values())
+        known = Finding("file-version", {"format": "WITSML", "version": found, "known": versions})
         raise FileError(known, path=path, line=root.sourceline)
-    return root, data
+    return (root if root.tag == _tag("trajectorys") else _as_1411(root)), data
+
+
+def _as_1411(root: Any) -> Any:
+    """Elements of WITSML 1.3.1 or 2.x under the names of 1.4.1.1."""
+    from lxml import etree
+
+    for element in list(root.iter("*")):
+        name = etree.QName(element).localname
+        element.tag = _tag(name if name == "MSACorUsed" else name[0].lower() + name[1:])
+        if name in ("Md", "Tvd", "MdMn", "MdMx") and len(element) == 1:  # of 2.1, a depth in an element of its own
+            element.text = element[0].text
+            element.set("uom", element[0].get("uom", ""))
+            element.remove(element[0])
+    if root.tag == _tag("trajectorys"):
+        return root
+    title = next(root.iter(_tag("title")), None)  # the first is that of its citation
+    _add(root, "name", "" if title is None else text_of(title))
+    root.set("uid", root.get("uuid", ""))
+    outer = etree.Element(_tag("trajectorys"))
+    outer.append(root)
+    return outer
 
 
 def children(element: Any) -> Iterator[tuple[str, Any]]:
@@ -241,7 +264,7 @@ def read_witsml(
     convention: str = "iscwsa",
     azimuth_reference: str | None = None,
 ) -> SurveyFile:
-    """Read one trajectory (uid or name) of a WITSML 1.4.1.1 document.
+    """Read one trajectory (uid or name) of a WITSML document, version 1.3.1, 1.4.1 or 2.x.
 
     tran1, tran2 and axial are x, y, z of `convention`. A station of status "rejected" is not used. `corrections` adds
     those of drill string and multi-station. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is

@@ -51,14 +51,16 @@ def check_holes(runs: Mapping[str, Run]) -> list[Finding]:
         for t in (directions(run.inclination, run.azimuth),)
     ]
     every = np.concatenate([np.zeros(0), *bends])
-    least = np.radians(10.0) / 30.0
-    sharpest = min(max(20.0 * float(np.median(every)), least), SHARPEST) if len(every) >= 8 else SHARPEST
-    found = [
-        Finding("holes-run", {"hole": name, "finding": one})
-        for name, run in runs.items()
-        for one in check_run(run, sharpest)
-        if float(str(one.values.get("chance", 0.0))) * len(runs) <= 1e-2  # in one of so many holes
-    ]
+    usual = float(np.median(every)) if len(every) >= 8 else np.inf
+    sharpest = min(max(20.0 * usual, np.radians(10.0) / 30.0), SHARPEST)
+    least = 4.0  # deg: shots err by degrees, and are read in whole ones
+    found = []
+    for name, run in runs.items():
+        for one in check_run(run, sharpest):
+            off, chance = (float(str(one.values.get(key, x))) for key, x in (("off_deg", least), ("chance", 0.0)))
+            rare = off >= least and chance * len(runs) <= 1e-2  # in one of so many holes
+            if rare and (one.severity == "refused" or one.code != "run-repeated"):
+                found.append(Finding("holes-run", {"hole": name, "finding": one}))
     if up := [name for name, run in runs.items() if np.median(run.inclination) > np.radians(91.0)]:
         values: dict[str, Value] = {"count": len(up), "total": len(runs), "names": some_names(up)}
         found.append(Finding("holes-up", values, severity="note"))

@@ -105,7 +105,7 @@ def _courses_in_feet(course: Array) -> int:
 
 
 def check_vertical_depths(run: Run) -> list[Finding]:
-    """Courses are uneven as measured depths and even along the hole as true vertical ones."""
+    """Courses uneven as measured depths and even along the hole as true vertical depths."""
     down, course = np.cos(run.inclination), np.diff(run.md)
     down = 0.5 * (down[1:] + down[:-1])
     if len(course) < 10 or (down < 0.02).any() or (course <= 0.0).any():
@@ -306,13 +306,16 @@ def _sharp(run: Run, t: Array, sharpest: float) -> list[Finding]:
             changed = t.copy()
             changed[row] = directions(*(np.radians([fits[f"fits_{name}_deg"]]) for name in ("inclination", "azimuth")))
             left = np.asarray(angle_between(changed[1:], changed[:-1]))[max(row - 1, 0) : row + 1]
-            tried += [(likelier, row, fits)] if left.max() < 0.25 * size else []
+            tried += (
+                [(likelier, row, fits | {"usual_deg": float(np.degrees(left.max()))})]
+                if left.max() < 0.25 * size
+                else []
+            )
     if not tried:
         values |= {"next_m": float(run.md[k + 1]), "station": k + 2}
         return [Finding("run-dogleg", values, (k, k + 1))]
     likelier, row, fits = max(tried, key=lambda one: one[0])
-    usual = float(np.degrees(np.median(dogleg)))
-    values = {"station": row + 1, "md_m": float(run.md[row]), "off_deg": float(np.degrees(size)), "usual_deg": usual}
+    values = {"station": row + 1, "md_m": float(run.md[row]), "off_deg": float(np.degrees(size))}
     return [Finding("run-station-misread", values | {"log_ratio": likelier} | fits, (row,))]
 
 

@@ -295,11 +295,9 @@ class _Sensors:
             size = wide * across(self._of(everything, known, right), everything)
             known[along] = size
         size *= self.strength / self.longest
-        if self.kind == "accelerometer":
-            bias: dict[str, Value] = {"kind": self.kind, "bias": size, "unit": "m/s2"}
-            return known, [Finding("gyro-bias-along", bias, severity="note")]
-        bias = {"kind": self.kind, "bias": float(np.degrees(size)) * 3600.0, "unit": "deg/h"}
-        return known, [Finding("gyro-bias-along", bias)]
+        unit = "m/s2" if self.kind == "accelerometer" else "deg/h"
+        size = size if self.kind == "accelerometer" else float(np.degrees(size)) * 3600.0
+        return known, [Finding("gyro-bias-along", {"kind": self.kind, "bias": size, "unit": unit}, severity="note")]
 
     def _faults(self, possible: Possible, known: Array, right: Mask) -> list[Fault]:
         """Channels that failed, and where."""

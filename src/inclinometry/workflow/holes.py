@@ -45,7 +45,7 @@ def read_holes(
 ) -> Holes:
     """Positions of all holes of a table; `azimuth_add` (rad) brings azimuths to the north of the collars.
 
-    Where rows of the table state grid and magnetic north, it is added to the magnetic ones.
+    Where rows of the table state grid and magnetic north, it is added to the magnetic rows.
     """
     shots = read_shots(surveys, progress)
     if shots.magnetic is not None and azimuth_add == 0.0:

@@ -158,19 +158,23 @@ def check_raw(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Fi
 
 
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
-    """The stations a file calls used."""
+    """The stations a file calls used, without those of no sensor at all, such as a tie-in."""
     name = format_of(path, form)
     if name == "wits":
         raise FileError(Finding("work-wits"), path=path)
     found = read_survey_file(path, name, {"convention": convention})
-    if found.used is None or found.used.all():
-        return found
-    rows = np.asarray(found.used)
-    if not rows.any():
+    used = np.ones(len(found), dtype=bool) if found.used is None else np.asarray(found.used)
+    if not used.any():
         raise FileError(Finding("file-empty", {"what": "stations marked as used"}), path=path)
+    axes = [values for values in (found.g, found.b) if values is not None]
+    bare = np.isnan(np.hstack(axes)).all(axis=1) & used if axes else ~used & used
+    rows = used if bare.sum() == used.sum() else used & ~bare
+    if rows.all():
+        return found
     kept = _rows(found, rows)
-    left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
-    return replace(kept, findings=(*kept.findings, left))
+    counts = {"table-left": int((~used).sum()), "table-left-bare": int((used & ~rows).sum())}
+    left = [Finding(code, {"count": n, "total": len(rows)}, severity="note") for code, n in counts.items() if n]
+    return replace(kept, findings=(*kept.findings, *left))
 
 
 def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
