@@ -581,7 +581,7 @@ I[k] = -999.25 | I[k : k + 5] = 0; A[k : k + 5] = 0 | I[k : k + 9] = I[k]; A[k :
 A = np.radians(A)"""
 TYPOS = """I[k] /= 10 | A[k] += 100 | A[k] += 180 | I[k] += 30 | md[k] += 1000 | md[k] /= 10
 I[k], A[k] = A[k], I[k] | A[k] *= 10 | A[h] += 90 | md[h] = md[n // 2] + (md[h] - md[n // 2]) / .3048 | A = 0 * A
-I[h] += 15"""
+I[h] += 25"""
 SHOTS = """dip[k] = -dip[k] | dip = -dip | dip[hole == 'DH003'] *= -1 | dip[k] += 40 | A[k] += 100 | A[k] *= 10
 md[k] *= 10 | md[hole == 'DH002'] /= .3048 | md = md / .3048 | dip = -90 - dip | A[k], dip[k] = -dip[k], -A[k]
 dip[k] = -99 | A[k] = -999 | hole[k] = 'DH02' | A = 0 * A | A = np.radians(A) | md[h] /= .3048 | A = A / .9
