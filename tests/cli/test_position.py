@@ -429,3 +429,19 @@ def test_points_between_stations_a_section_and_feet(extended):
     table = extended("position", "survey.csv", "--feet", "--section-azimuth-deg", "75").out
     assert "section ft" in table
     assert "deg/100 ft" in table
+
+
+def test_a_certificate_on_both_sides_of_another_run(certified, run):
+    """Its errors are one draw above and below, and only its own stations need raw channels."""
+    lines = Path("four.csv").read_text().splitlines()
+    Path("gyro.csv").write_text("\n".join([lines[0], *lines[5:9]]))
+    options = ("--calibration", "1=tool.json", "--raw", "1=raw.csv", "--tool-code", "gyro.csv=iscwsa-mwd-rev5.1")
+    done = run("position", "survey.csv", "gyro.csv", *options, "--site", "site.toml", "--json").ok()
+    assert [one["file"] for one in done.json["runs"]] == ["survey.csv", "gyro.csv", "survey.csv"]
+    assert "work-outside-raw" not in [one["code"] for one in done.json["findings"]]
+    sources = [one["source"] for one in done.json["sources"]]
+    assert [one for one in sources if one.endswith(": calibration")] == ["run 1: calibration"]
+    raw = Path("raw.csv").read_text().splitlines()
+    Path("few.csv").write_text("\n".join(raw[:4]))
+    options = ("--calibration", "1=tool.json", "--raw", "1=few.csv", "--tool-code", "2=iscwsa-mwd-rev5.1")
+    run("position", "survey.csv", "gyro.csv", *options, "--site", "site.toml").refused("input-few")

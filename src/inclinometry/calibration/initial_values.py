@@ -203,10 +203,7 @@ def _assumed(
         sign = float(np.sign(ahead)) or 1.0
     values: dict[str, Value] = {"angle": FIELD_ANGLE[kind], "kind": kind}
     if stated is None:
-        values |= {"found_deg": float(np.degrees(sign * found))}
-        # right-handed channels and a rig's zero on the side of north agree
-        agreed = axes is not None and sign * ahead > clear
-        return sign, [Finding("bench-sign-assumed", values, severity="note" if agreed else "warning")]
+        return sign, [Finding("bench-sign-assumed", values | {"found_deg": float(np.degrees(sign * found))})]
     values |= {"stated_deg": float(np.degrees(stated)), "zero_deg": _turn(zero, sign), "north": _NORTH[kind]}
     remedy = "Give the azimuth of the rig's zero" if north is None else "Point the rig's zero to north"
     return sign, [Finding("bench-zero-assumed", {**values, "remedy": remedy})]

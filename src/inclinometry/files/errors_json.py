@@ -35,6 +35,8 @@ class RunErrors:
     def between(self, low: float, high: float) -> RunErrors:
         """The stations from `low` to `high`, m."""
         rows = (self.md >= low) & (self.md <= high)
+        if not rows.any():
+            raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
         errors = {cause: one._replace(by_parameter=one.by_parameter[rows]) for cause, one in self.errors.items()}
         angles = {"inclination": self.inclination[rows], "azimuth": self.azimuth[rows]}
         return replace(self, md=self.md[rows], errors=errors, **angles)

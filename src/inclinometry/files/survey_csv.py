@@ -46,6 +46,8 @@ class RawSurvey(Tabular):
     def between(self, low: float, high: float) -> RawSurvey:
         """The stations from `low` to `high`, m."""
         rows = (self.md >= low) & (self.md <= high)
+        if not rows.any():
+            raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
         channels = {kind: values[rows] for kind, values in self.channels.items()}
         temperature = None if self.temperature is None else self.temperature[rows]
         return replace(self, md=self.md[rows], channels=channels, temperature=temperature, lines=self.lines[rows])

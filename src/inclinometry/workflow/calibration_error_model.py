@@ -36,12 +36,13 @@ def calibration_error_model(
     raw: RawSurvey | None = None,
     code: ToolCode | None = None,
     correction: SensorCorrection | None = None,
+    rows: slice = slice(None),
 ) -> tuple[Sequence[MatrixSource], ToolCode | None, list[Finding]]:
     """Sources of error from a calibration, the tool code beside them, and findings.
 
-    `stations`: the file the well came from, with toolface and temperature. Without `raw` the channels are computed from
-    the site's fields. With a multi-station `correction` (needs `raw`) its remaining uncertainty replaces the
-    certificate and the tool code's axial interference.
+    `rows` of the well are the tool's. `stations`: the file the well came from, with toolface and temperature. Without
+    `raw` the channels are computed from the site's fields. With a multi-station `correction` (needs `raw`) its
+    remaining uncertainty replaces the certificate and the tool code's axial interference.
     """
     beside = None
     told: list[Finding] = []
@@ -76,7 +77,8 @@ def calibration_error_model(
         )
         seen = seen if correction is None else apply_correction(seen, correction)
         sources = calibration_sources(seen, well)
-        outside = well.md[(well.md < raw.md[0] - 0.005) | (well.md > raw.md[-1] + 0.005)]  # depths are in centimetres
+        own = well.md[rows]
+        outside = own[(own < raw.md[0] - 0.005) | (own > raw.md[-1] + 0.005)]  # depths are in centimetres
         if len(outside):
             span = {"first_m": float(outside[0]), "last_m": float(outside[-1])}
             told.append(Finding("work-outside-raw", {"count": len(outside), **span}))

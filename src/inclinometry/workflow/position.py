@@ -257,13 +257,13 @@ def _model(
     name = None
     # depths are written to the centimetre; a run that is not the whole well may have stations that others replace
     low, high = float(well.md[first]) - 0.005, float(well.md[last]) + 0.005
-    part = last - first + 1 < len(well)
+    part, rows = last - first + 1 < len(well), slice(first, last + 1)
     if run.tool is not None:
         calibration, said = at_the_run(read_calibration(run.tool), run.tool, well.site, age, otherwise=1.0)
         raw = None if run.raw is None else read_raw_survey(run.raw)
         correction, warned = _stored(run.corrections, run.tool, calibration, raw, well.site)
         raw = raw.between(low, high) if raw is not None and part else raw
-        model = calibration_error_model(calibration, well, stations, raw, code, correction)
+        model = calibration_error_model(calibration, well, stations, raw, code, correction, rows)
         said = [*said, *warned]
         name = "the tool" if calibration.tool.name in ("", "unnamed") else calibration.tool.name
     if run.errors is not None:
@@ -272,32 +272,21 @@ def _model(
     sources, code, more = model
     said += more if code is None else [*more, *code.findings]
     if code is not None and code.east_west_exclusion:
-        rows = slice(first, last + 1)
         magnetic = convert_azimuth(well.true_azimuth[rows], "true", "magnetic", well.site)
         across = np.abs(np.sin(well.inclination[rows]) * np.sin(magnetic))
         near = np.flatnonzero(across > np.cos(code.east_west_exclusion))
         if near.size:
-            where: dict[str, Value] = {
-                "code": code.name,
-                "count": int(near.size),
-                "md_m": float(well.md[first + near[0]]),
-            }
-            said.append(Finding("work-east-west", where | {"limit_deg": float(np.degrees(code.east_west_exclusion))}))
+            where: dict[str, Value] = {"code": code.name, "limit_deg": float(np.degrees(code.east_west_exclusion))}
+            where |= {"count": int(near.size), "md_m": float(well.md[first + near[0]])}
+            said.append(Finding("work-east-west", where))
     return sources, code, name, said
 
 
 def _all_codes(codes: Sequence[ToolCode]) -> ToolCode | None:
-    """The tool codes of several runs as a report describes them."""
-    by_name = {one.name: one for one in codes}
-    if len(by_name) < 2:
-        return next(iter(by_name.values()), None)
-    texts = {
-        name: "; ".join(dict.fromkeys(getattr(one, name) for one in by_name.values()))
-        for name in ("name", "source", "revision", "description")
-    }
-    terms = {term.name: term for one in by_name.values() for term in one.terms}
-    parameters = {name: value for one in by_name.values() for name, value in one.parameters.items()}
-    return replace(codes[0], **texts, terms=tuple(terms.values()), parameters=parameters, continuous_above=0.0)
+    """The tool codes of several runs as a report describes them: names and sources of all, terms of the first."""
+    names = ("name", "source", "revision", "description")
+    texts = {name: "; ".join(dict.fromkeys(getattr(one, name) for one in codes)) for name in names}
+    return replace(codes[0], **texts) if codes else None
 
 
 def _stored(

@@ -97,6 +97,10 @@ _BAR: Final = """(params, api) => {
         line(low[0] - 3, low[1], low[0] + 3, low[1]), line(high[0] - 3, high[1], high[0] + 3, high[1])]};
 }"""
 
+NUMBER: Final = """value => typeof value === "number"
+    ? value.toLocaleString(document.documentElement.lang || "en", {maximumFractionDigits: 9}) : value"""
+"""A number of a chart as the language of the page writes it."""
+
 
 def legend(names: Sequence[str] | None = None) -> dict[str, Any]:
     """A legend above the curves; of these series only, when named."""
@@ -117,7 +121,10 @@ def chart(
     # colours of series that can be told apart on either paper
     palette = [BLUE, "#c77d14", "#2c9a56", "#b0529c", "#1ba3b5", GREY]
     common: dict[str, Any] = {"animation": False, "backgroundColor": "transparent", "color": palette}
-    common |= {"grid": {"left": 60, "right": 20, "top": 30, "bottom": 45}, "tooltip": {"trigger": "axis"}}
+    common |= {
+        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
+        "tooltip": {"trigger": "axis", ":valueFormatter": NUMBER},
+    }
     common |= {"xAxis": x, "yAxis": y, "series": list(series)}
     ui.echart(common | options).style(f"height:{height};width:100%").props(f'role="img" aria-label="{label}"')
 
@@ -128,6 +135,8 @@ def axis(name: str, data: Sequence[str] | None = None, *, kind: str = "value") -
     gap = 30 if kind != "value" else 45
     found: dict[str, Any] = {"type": kind, "name": name, "nameLocation": "middle", "nameGap": gap, "scale": True}
     found |= {"axisLabel": {"color": GREY}, "nameTextStyle": {"color": GREY, "lineHeight": 15}}
+    if kind == "value":
+        found["axisLabel"][":formatter"] = NUMBER
     found |= {"splitLine": {"lineStyle": {"opacity": 0.2}}}
     return found if data is None else found | {"data": list(data)}
 

@@ -173,7 +173,16 @@ def _map(visitor: Visitor, found: Calibration) -> None:
     room = {"left": 60, "right": 110, "top": 20, "bottom": 45}
     with visitor.panel("results.map", k=f"{k:g}") as title:
         series = [{"type": "heatmap", "data": cells}]
-        lists.chart(title, series, x, y, height="300px", tooltip={"trigger": "item"}, visualMap=colours, grid=room)
+        lists.chart(
+            title,
+            series,
+            x,
+            y,
+            height="300px",
+            tooltip={"trigger": "item", ":valueFormatter": lists.NUMBER},
+            visualMap=colours,
+            grid=room,
+        )
 
 
 def _heat(visitor: Visitor, found: Calibration) -> None:
