@@ -153,7 +153,7 @@ def test_readings_that_do_not_belong_together(run, two):
     displace(run).refused("later.csv, line 2: ", "[holes-depths-differ]")
     write("later.csv", SHEAR, 2)
     Path("later.csv").write_text("\n".join(Path("later.csv").read_text().splitlines()[:30]))
-    assert "[holes-depths-differ]" in displace(run).err
+    assert "[holes-depths-common]" in displace(run, "--report", "short.html").ok().err
     write("later.csv", SHEAR, 2, header="depth_m,A0,A180")
     assert "[holes-axes-differ]" in displace(run).err
     write("later.csv", SHEAR, 2, header="depth_m,A180,A0,B180,B0")
@@ -180,3 +180,12 @@ def test_several_readings_each_against_the_base(run, two):
 def test_check_says_that_it_is_a_casing(run, two):
     done = run("check base.csv --profile inclinometer-digi-25000 --json")
     assert done.json["uses"]["displacement"] is None
+
+
+def test_resultant_to_the_north(run, two):
+    done = displace(run, "--a0-azimuth-deg", "350", "-o", "found.csv").ok()
+    assert "to 350 deg" in done.out or "to 349 deg" in done.out
+    row = rows_of("found.csv")[0]
+    assert float(row["resultant_mm"]) == pytest.approx(10.0, abs=0.25)
+    assert float(row["azimuth_deg"]) == pytest.approx(350.0, abs=2.0)
+    assert displace(run, "--json").json["readings"]["later"]["resultant"]["azimuth_deg"] is None

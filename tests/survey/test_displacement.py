@@ -271,8 +271,10 @@ def test_an_axis_that_was_not_read_hides_a_rotation():
 def test_readings_of_other_depths_or_runs():
     faces = read().faces
     assert refusal(displacement, read(), CasingReading(DEPTH + 0.1, STEP, faces)) == "holes-depths-differ"
-    short = CasingReading(DEPTH[:40], STEP, {axis: runs[:40] for axis, runs in faces.items()})
-    assert refusal(displacement, read(), short) == refusal(displacement, short, read()) == "holes-depths-differ"
+    few = CasingReading(DEPTH[:4], STEP, {axis: runs[:4] for axis, runs in faces.items()})
+    assert refusal(displacement, read(), few) == refusal(displacement, few, read()) == "holes-depths-differ"
+    broken = CasingReading(DEPTH + 0.02 * (np.arange(N) == 30), STEP, faces)
+    assert refusal(displacement, read(), broken) == "holes-depths-differ"
     assert refusal(displacement, read(), CasingReading(DEPTH, STEP, {"a": faces["a"]})) == "holes-axes-differ"
 
 
@@ -283,3 +285,37 @@ def test_a_coarse_probe_that_repeats_itself():
         sums = check_sums(runs + rounding * np.random.default_rng(1).normal(size=runs.shape))
         assert sums.robust_sd > 1e-6
         assert not sums.spikes.any()
+
+
+@pytest.mark.parametrize(("rows", "fixed", "severity"), [
+    (slice(0, 40), "bottom", "warning"), (slice(0, 40), "top", "note"), (slice(5, N), "bottom", "note"),
+])  # fmt: skip
+def test_readings_of_partly_other_depths_are_compared_at_the_common_ones(rows, fixed, severity):
+    whole, later = read(sigma=SIGMA, seed=1), read(moved(), sigma=SIGMA, seed=2)
+    part = CasingReading(DEPTH[rows], STEP, {axis: runs[rows] for axis, runs in later.faces.items()})
+    for base, now in ((whole, part), (part, whole)):
+        found = displacement(base, now, fixed=fixed)
+        assert np.array_equal(found.depth[:-1], DEPTH[rows])
+        (one,) = [one for one in found.findings if one.code == "holes-depths-common"]
+        assert one.severity == (severity if base is whole else "note")
+        assert one.values["count"] == N - len(part.depth)
+
+
+@pytest.mark.parametrize(("late", "run"), [(True, 0), (True, 1), (False, 0), (False, 1)])
+def test_a_spike_says_which_reading_run_and_depth(late, run):
+    pair = [read(sigma=SIGMA, seed=5), read(moved(), sigma=SIGMA, seed=6)]
+    names = ("January", "June")
+    pair = [CasingReading(DEPTH, STEP, one.faces, name) for one, name in zip(pair, names, strict=True)]
+    pair[late].faces["a"][30, run] += 0.01
+    (one,) = [one for one in displacement(*pair).findings if one.code == "holes-spikes"]
+    assert (one.values["reading"], one.values["faces"]) == (names[late], (("A0", "A180")[run],))
+    assert (one.values["md_m"], one.rows) == ((DEPTH[30],), (30,))
+
+
+def test_resultant_and_its_direction():
+    found = displacement(read(), read(moved({"a": SHEAR, "b": SHEAR})), CasingErrors(step_sd=1e-4))
+    size, u, direction = found.resultant()
+    assert size[0] == pytest.approx(np.sqrt(2.0) * STEP * SHEAR.sum())
+    assert u[0] == pytest.approx(1e-4 * np.sqrt(N))
+    assert np.degrees(direction[0]) == pytest.approx(45.0)
+    assert (size[-1], u[-1]) == (0.0, 0.0)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.files.casing_csv import write_displacements
-from inclinometry.survey.displacement import SPIKE_LIMIT, AxisDisplacement, CasingErrors, CheckSums
+from inclinometry.survey.displacement import SPIKE_LIMIT, AxisDisplacement, CasingErrors, CheckSums, Displacement
 from inclinometry.workflow.displacement import Movement, casing_movement
 
 
@@ -28,6 +28,7 @@ def displacement(
     depth_sd: Annotated[float, options.quantity("mm", 0.0, 10_000.0)] = 0.0,
     rotation: options.Sd = 0.0,
     correct: Annotated[tuple[Literal["bias", "rotation", "depth"], ...], Parameter(consume_multiple=True)] = (),
+    a0_azimuth: options.AzimuthOrNone = None,
     output_: options.OutputOrNone = None,
     report: options.Report = None,
     json: options.Json = False,
@@ -61,6 +62,8 @@ def displacement(
         Standard uncertainty of a rotation of the probe's axes since the base reading.
     correct
         Errors between the readings to remove where they are found; the uncertainty includes their removal.
+    a0_azimuth
+        Azimuth that a positive A0 leans to, for the azimuth of the resultant.
     output_
         CSV of all readings.
     """
@@ -69,19 +72,19 @@ def displacement(
     output.check_outputs({"--output": output_, "--report": report}, inputs)
     errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
     moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct)
-    told = moved.base_sums, moved.found, moved.findings, moved.inputs
+    told = moved.base_sums, moved.found, moved.findings, moved.inputs, moved.base.reading.depth
     with output.reported(report, "displacement:displacement_report", moved.base.table.path.stem, *told):
         if output_ is not None:
-            write_displacements(output_, list(moved.found.items()))
+            write_displacements(output_, list(moved.found.items()), a0_azimuth)
     output.findings(moved.findings)
     if json:
-        output.print_json(_content(moved))
+        output.print_json(_content(moved, a0_azimuth))
         return
-    _show(moved)
+    _show(moved, a0_azimuth)
     output.print_outputs(output_, report, what="displacements")
 
 
-def _show(moved: Movement) -> None:
+def _show(moved: Movement, a0_azimuth: float | None) -> None:
     step = 1000.0 * moved.base.reading.step
     rows = [_sums_row(moved.base.table.path.stem, axis, sums, step) for axis, sums in moved.base_sums.items()]
     rows += [_sums_row(n, axis, one.sums, step) for n, d in moved.found.items() for axis, one in d.axes.items()]
@@ -95,9 +98,20 @@ def _show(moved: Movement) -> None:
             cells = [_mm(one.displacement[free]), _mm(2.0 * one.u[free], "")]
             cells += [_mm(one.displacement[worst]), _mm(2.0 * one.u[worst], ""), f"{found.depth[worst]:g}"]
             rows.append([name, axis.upper(), *cells])
+        if "b" in found.axes:
+            free = 0 if found.fixed == "bottom" else -1
+            size, u, direction = found.resultant()
+            worst = int(np.argmax(size))
+            way = "A, B" if a0_azimuth is None else f"to {_azimuth(a0_azimuth + direction[worst]):.0f} deg"
+            cells = [_mm(values[row], "") for row in (free, worst) for values in (size, 2.0 * u)]
+            rows.append([name, way, *cells, f"{found.depth[worst]:g}"])
     end = "top" if next(iter(moved.found.values())).fixed == "bottom" else "bottom"
     header = ["reading", "axis", f"{end} mm", "U mm", "largest mm", "U mm", "at m"]
     output.table("displacement since the base reading", header, rows, "U: expanded uncertainty, k = 2")
+
+
+def _azimuth(angle: Any) -> Any:
+    return np.degrees(angle) % 360.0
 
 
 def _sums_row(name: str, axis: str, sums: CheckSums | None, step: float) -> list[str]:
@@ -111,7 +125,7 @@ def _mm(metres: float, sign: str = "+") -> str:
     return f"{1000.0 * metres:{sign}.2f}" if np.isfinite(metres) else "not known"
 
 
-def _content(moved: Movement) -> dict[str, Any]:
+def _content(moved: Movement, a0_azimuth: float | None) -> dict[str, Any]:
     step = 1000.0 * moved.base.reading.step
     return {
         "base": moved.base.table.path.stem,
@@ -121,12 +135,19 @@ def _content(moved: Movement) -> dict[str, Any]:
                 "fixed": found.fixed,
                 "depth_m": found.depth,
                 "axes": {axis: _axis(one, step) for axis, one in found.axes.items()},
+                "resultant": _resultant(found, a0_azimuth) if "b" in found.axes else None,
             }
             for name, found in moved.found.items()
         },
         "findings": [one.plain() for one in moved.findings],
         "inputs": moved.inputs,
     }
+
+
+def _resultant(found: Displacement, a0_azimuth: float | None) -> dict[str, Any]:
+    size, u, direction = found.resultant()
+    azimuth = None if a0_azimuth is None else _azimuth(a0_azimuth + direction)
+    return {"displacement_mm": 1000.0 * size, "u_mm": 1000.0 * u, "azimuth_deg": azimuth}
 
 
 def _axis(one: AxisDisplacement, step: float) -> dict[str, Any]:

@@ -173,12 +173,15 @@ def _sines(table: Frame, name: str, written: str, stated: str | None, step: floa
     return np.sin(np.radians(values)) if unit == "deg" else values / level
 
 
-def write_displacements(path: str | Path, found: Sequence[tuple[str, Displacement]]) -> None:
+def write_displacements(
+    path: str | Path, found: Sequence[tuple[str, Displacement]], a0_azimuth: float | None = None
+) -> None:
     """Write displacements, one row a reading and point: `survey`, `depth_m`, and of each axis what moved, in mm.
 
     Of each axis, here a: step_a_mm is the change over the step below the point, a_mm the displacement since the base
     reading, u_a_mm its standard uncertainty, check_sum_a_mm A0 + A180 over the step; flags say spike_a where the change
-    of the check-sum is a spike, repeated_a where the base reading has the same one.
+    of the check-sum is a spike, repeated_a where the base reading has the same one. Of two axes resultant_mm and
+    u_resultant_mm, and with the azimuth of A0, rad, azimuth_deg of the resultant.
     """
     tables: list[dict[str, Array | list[str]]] = []
     for name, one in found:
@@ -193,5 +196,10 @@ def write_displacements(path: str | Path, found: Sequence[tuple[str, Displacemen
             for what, where in (("spike", moved.spikes), ("repeated", moved.repeated)):
                 for row in np.flatnonzero(where).tolist():
                     flags[row] = f"{flags[row]} {what}_{axis}".strip()
+        if "b" in one.axes:
+            resultant, u, direction = one.resultant()
+            table |= {"resultant_mm": np.round(1e3 * resultant, 6), "u_resultant_mm": np.round(1e3 * u, 6)}
+            if a0_azimuth is not None:
+                table["azimuth_deg"] = np.round(np.degrees(a0_azimuth + direction) % 360.0, 3)
         tables.append({**table, "flags": flags})
     write_columns(joined(tables), path)

@@ -18,6 +18,8 @@ from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displa
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from inclinometry.arrays import Array
+
 SIGN = (
     "Axes: a displacement is positive towards the groove that a positive A0, or B0, leans to. u: standard "
     "uncertainty (k = 1); U = k u: expanded."
@@ -30,10 +32,15 @@ def displacement_report(
     found: Mapping[str, Displacement],
     findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
+    base_depth: Array | None = None,
 ) -> str:
-    """Displacements of a casing, by name of the later reading, as one self-contained HTML page."""
+    """Displacements of a casing, by name of the later reading, as one self-contained HTML page.
+
+    base_depth : (m,) of the base reading, m; without it those of the first later one.
+    """
     last = list(found)[-1]
     axes = list(found[last].axes)
+    at = next(iter(found.values())).depth[:-1] if base_depth is None else base_depth
     notes, warnings = (said(f for f in findings if (f.severity == "note") is note) for note in (True, False))
     state = "warn" if warnings else "good"
     spikes = sum(int(one.spikes.sum()) for each in found.values() for one in each.axes.values())
@@ -59,7 +66,7 @@ def displacement_report(
                 "Check-sums",
                 pictures=[
                     picture(
-                        sums_figure(base, base_sums, found, axis),
+                        sums_figure(base, base_sums, at, found, axis),
                         f"sums{axis}",
                         label("Axis {upper}: {upper}0 + {upper}180", upper=axis.upper()),
                     )
@@ -134,15 +141,19 @@ def profile_figure(axes: Axes, found: Mapping[str, Displacement], axis: str) -> 
 
 @panel(4.6, y="depth, m")
 def sums_figure(
-    axes: Axes, base: str, base_sums: Mapping[str, CheckSums | None], found: Mapping[str, Displacement], axis: str
+    axes: Axes,
+    base: str,
+    base_sums: Mapping[str, CheckSums | None],
+    base_depth: Array,
+    found: Mapping[str, Displacement],
+    axis: str,
 ) -> None:
     """Check-sums over depth in mm a step, spikes marked."""
-    first = next(iter(found.values()))
-    for n, (name, sums) in enumerate(
-        [(base, base_sums[axis]), *((m, one.axes[axis].sums) for m, one in found.items())]
-    ):
+    step = next(iter(found.values())).step
+    later = ((name, one.depth[:-1], one.axes[axis].sums) for name, one in found.items())
+    for n, (name, depth, sums) in enumerate([(base, base_depth, base_sums[axis]), *later]):
         if sums is not None:
-            axes.plot(1000.0 * first.step * sums.values, first.depth[:-1], color=SERIES[n % len(SERIES)], label=name)
+            axes.plot(1000.0 * step * sums.values, depth, color=SERIES[n % len(SERIES)], label=name)
     for one in found.values():
         moved = one.axes[axis]
         if moved.sums is not None and moved.spikes.any():

@@ -16,7 +16,7 @@ from inclinometry.survey.run_stations import copied_block, repeated_block
 
 SPIKE_LIMIT: Final = 5.0
 """How many robust standard deviations from the median make a check-sum a spike: one of 400 sound sets of 60
-normal ones has such a value, as their scatter is estimated too."""
+normal values has such a value, as their scatter is estimated too."""
 ROUNDING: Final = 1e-12
 """Difference of two sines that is rounding and no reading: a probe resolves 1e-5."""
 RESOLUTION: Final = 1e-6
@@ -32,13 +32,14 @@ class CasingReading:
     depth : (n,) m, increasing; of the upper wheels, so that row i is the tilt from depth[i] to depth[i] + step.
     step : m.
     faces : "a", and "b" where it was read -> (n, 2) sine of the tilt in the runs 0 and 180; (n, 1) of a single run.
-    name : of the reading, for findings.
+    name : of the reading, for findings. first : row of its first depth in its file.
     """
 
     depth: Array
     step: float
     faces: Mapping[str, Array]
     name: str = "reading"
+    first: int = 0
 
     @property
     def two_faces(self) -> bool:
@@ -141,6 +142,16 @@ class Displacement:
     fixed: str
     findings: tuple[Finding, ...]
 
+    def resultant(self) -> tuple[Array, Array, Array]:
+        """(n + 1,) size of the movement in both axes, its standard uncertainty, m, and its direction, rad.
+
+        The direction is counted from A0 towards B0, which lies a quarter of a turn clockwise, seen from above.
+        """
+        a, b = self.axes["a"], self.axes["b"]
+        size = np.hypot(a.displacement, b.displacement)
+        u = np.hypot(a.displacement * a.u, b.displacement * b.u) / np.where(size > 0.0, size, 1.0)
+        return size, np.where(size > 0.0, u, np.maximum(a.u, b.u)), np.arctan2(b.displacement, a.displacement)
+
 
 def displacement(
     base: CasingReading,
@@ -160,8 +171,8 @@ def displacement(
     "depth", those to `correct` are taken away where they are found (`inclinometry.survey.false_movement`).
     """
     errors = CasingErrors() if errors is None else errors
-    _belongs(base, now)
     found: list[Finding] = []
+    base, now = _common(base, now, fixed, found)
     for axis in now.faces:
         _same_way({"reading": now.name, "axis": axis.upper()}, base.deviation(axis), now.deviation(axis), found)
     changes = {
@@ -175,16 +186,35 @@ def displacement(
     return Displacement(frozen(depth), now.step, axes, fixed, tuple(found))
 
 
-def _belongs(base: CasingReading, now: CasingReading) -> None:
-    """InputError where two readings are not of the same depths, axes and runs."""
-    common = min(len(base.depth), len(now.depth))
-    off = np.flatnonzero(np.abs(base.depth[:common] - now.depth[:common]) > 0.01 * base.step)
-    if off.size or len(base.depth) != len(now.depth):
+def _common(
+    base: CasingReading, now: CasingReading, fixed: str, found: list[Finding]
+) -> tuple[CasingReading, CasingReading]:
+    """Both readings at the depths that they share; InputError where these are few or broken, or axes, runs differ."""
+    if set(base.faces) != set(now.faces) or base.two_faces != now.two_faces:
+        raise InputError(Finding("holes-axes-differ", severity="refused"))
+    near = np.abs(base.depth[:, None] - now.depth) <= 0.01 * base.step
+    both = np.stack(np.nonzero(near))
+    size = both.shape[1]
+    if size < 5 or (np.ptp(both, axis=1) != size - 1).any():
+        least = min(len(base.depth), len(now.depth))
+        off = np.flatnonzero(np.abs(base.depth[:least] - now.depth[:least]) > 0.01 * base.step)
         k = int(off[0]) if off.size else -1
         values: dict[str, Value] = {"md_m": float(now.depth[k]), "base_m": float(base.depth[k])}
         raise InputError(Finding("holes-depths-differ", values, (k,) if off.size else ()))
-    if set(base.faces) != set(now.faces) or base.two_faces != now.two_faces:
-        raise InputError(Finding("holes-axes-differ", severity="refused"))
+    (low, first), (high, last) = both[:, 0], both[:, -1]
+    if others := len(base.depth) + len(now.depth) - 2 * size:
+        lost = high < len(base.depth) - 1 if fixed == "bottom" else low > 0
+        ends = {"low_m": float(now.depth[first]), "high_m": float(now.depth[last])}
+        at = ends["high_m" if fixed == "bottom" else "low_m"]
+        facts: dict[str, Value] = {"reading": now.name, **ends, "count": others, "fixed_m": at}
+        found.append(Finding("holes-depths-common", facts, severity="warning" if lost else "note"))
+
+    def part(one: CasingReading, start: int) -> CasingReading:
+        rows = slice(start, start + size)
+        faces = {axis: runs[rows] for axis, runs in one.faces.items()}
+        return replace(one, depth=one.depth[rows], faces=faces, first=start)
+
+    return part(base, int(low)), part(now, int(first))
 
 
 def _moved(
@@ -226,11 +256,17 @@ def _moved(
         if together > 4.0 / np.sqrt(n) and errors.step_sd is None:
             drifts = "check-sums of neighbouring depths are correlated, as with a drifting bias"
             found.append(_correlation(name, drifts, together))
-        for where, texts in ((spikes, SPIKES), (repeated, SPIKES_REPEATED)):
-            rows = tuple(np.flatnonzero(where).tolist())
-            at: dict[str, Value] = {"count": len(rows), "md_m": tuple(now.depth[list(rows[:6])].tolist())}
-            severity: Severity = "warning" if where is spikes else "note"
-            found += [Finding("holes-spikes", name | at | texts, rows, severity)] if rows else []
+        bad: dict[tuple[CasingReading, str, bool], list[int]] = {}
+        for row in np.flatnonzero(spikes | repeated).tolist():
+            which = (now, "") if repeated[row] else _bad_face(axis, base, now, row)
+            bad.setdefault((*which, bool(repeated[row])), []).append(row)
+        for (one, run, again), rows in bad.items():
+            faces = (f"{axis.upper()}{run}",) if run else (f"{axis.upper()}0", f"{axis.upper()}180")
+            at: dict[str, Value] = {"reading": one.name, "axis": axis.upper(), "faces": faces, "count": len(rows)}
+            at["md_m"] = tuple(now.depth[rows[:6]].tolist())
+            severity: Severity = "note" if again else "warning"
+            file_rows = tuple(row + one.first for row in rows)
+            found.append(Finding("holes-spikes", at | (SPIKES_REPEATED if again else SPIKES), file_rows, severity))
     if errors.step_sd is None and (not now.two_faces or against.sd <= ROUNDING):
         found.append(_unknown(name, "check-sums show no random error"))
     parts = {
@@ -303,6 +339,16 @@ def _summed(values: Array, down: bool) -> Array:
     if down:
         return np.concatenate([[0.0], np.cumsum(values)])
     return np.concatenate([np.cumsum(values[::-1])[::-1], [0.0]])
+
+
+def _bad_face(axis: str, base: CasingReading, now: CasingReading, row: int) -> tuple[CasingReading, str]:
+    """The reading whose check-sum is off at a row, and its run that does not fit the other reading; "" if neither."""
+    sums = [one.faces[axis].sum(axis=1) for one in (base, now)]
+    off = [abs(float(one[row] - np.median(one))) for one in sums]
+    one, other = (now, base) if off[1] >= off[0] else (base, now)
+    rest = one.faces[axis] - other.deviation(axis)[:, None] / one.step * [1.0, -1.0]
+    away = np.abs(rest - np.median(rest, axis=0))[row]
+    return one, "" if away.min() > 0.3 * away.max() else ("0", "180")[int(away.argmax())]
 
 
 UNKNOWN: Final = {

@@ -1,4 +1,4 @@
-"""From files to the displacement of a casing: a base reading, later ones, what moved and how sure that is."""
+"""From files to the displacement of a casing: a base reading, later readings, what moved and how sure that is."""
 
 from __future__ import annotations
 
