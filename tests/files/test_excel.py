@@ -1,8 +1,10 @@
 """Surveys in workbooks: values, not formulas; the sheet and the row of whatever is wrong."""
 
+import base64
 import datetime
 import re
 import zipfile
+import zlib
 
 import numpy as np
 import openpyxl
@@ -16,6 +18,7 @@ from inclinometry.files.excel import sheet_blocks, write_excel
 from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.six_axis import read_excel, read_survey
 from inclinometry.files.survey_file import SurveyFile
+from inclinometry.workflow.convert import convert
 
 from .surveys import same, survey
 
@@ -285,3 +288,29 @@ def test_a_workbook_that_unpacks_to_little_for_its_size(tmp_path, monkeypatch):
                 read_excel(tmp_path / "a.xlsx")
         else:
             assert len(read_excel(tmp_path / "a.xlsx")) == 3
+
+
+# two sheets of Excel 97: a cover; a title, names in row 3 and two stations, of xlwt
+OLD_WORKBOOK = (
+    "c-rk)O=uHA6#izj+a@JRliG@{P(s0))_N#jywn)c77s183KbPJZ5JttNm**4xmc|^3W6uaOQ9DpRWJTf1-*F?DtZtEA<=^ePlAGn"
+    "HtU<WyD_ObG@w<>e#^Xh^X9$z*?Dhfc3-W8^9%Re3Rs5&@Ste=P*)}slzdJh1gbYp$vU~0lIh~Vg3n6}S*Kw+@UmX6p<M3*6x>sv"
+    "69qm{I)f<;Wzu?N6LE;gkPvbVeL^MQQ*fJ75Uo6}CZ^*|w=uoTx=)xMWXUzAeWaTgr?3(m>fUer@kynF>w-iD9<t3lmh_?pFQgw|"
+    "x-KkT4RK>Kk@`0)+EqUmK`S?)r*$Kd%A=W<a1r0k2=LX3)n^e`zPWM%l7Fw1*H@9>P*h+J<~bo9F^2$(9$BMdJTs#kIr7jGniZGF"
+    "FB&uY>?-;>M(s4BPi2g0KQOANQezoIkHq)(l6>%RBzmEXHtVD5@kn$+KQH-scGBX>(KE>gxtnwJhbp2!z%k(`I)O&!!yFkQ+TU02"
+    "e0e=MHXJ+4k~!Y-t#e_QoCr)@mKJ0jEY(=Fn=SS*y~3^TWWJ4QGfkNC&fylD>7Qqvt6bYj{p@4BiR~`qqr~SvAA8iE`xxsYerceP"
+    "ZC-jCTR;b$Qxjw_pLz6%9&ziY#N(Kg3wsB7&$RWI-NdVe?6I5n;n#>YG%y>sPDrH*52PyXHb1c$Z<QSa>Xv(}!q!lDc9j|mYe;I9"
+    "<oolKN(z<KQprOl&2G!HuC1ro!Lo2!ixyR&DPF4c@JOVsTE$jn{Vdbdilm>G9b475WzRr0&v4<wg$oxhT)6oA5Pb82eNVFPmh!$@"
+    "Z~xa>qf~T%lWbXxAVbeIeU=_UnsNiPHTlnWXu@erY|zH}Unnt3y&FhkjK`6z*?;MKLzK^F!-k>X7ecl6U#w-Ef4Ki2x%dJG"
+)
+
+
+def test_a_workbook_of_excel_97(tmp_path):
+    path = tmp_path / "a.xls"
+    path.write_bytes(zlib.decompress(base64.b85decode(OLD_WORKBOOK)))
+    found = read_excel(path, sheet="Survey", azimuth_reference="true")
+    assert (found.md.tolist(), np.degrees(found.azimuth).round(6).tolist()) == ([0.0, 30.0], [0.0, 120.25])
+    assert found.extra["ok"] == ("1", "1")
+    with refused("input-choice", error=FileError, allowed=("Survey",)):
+        read_excel(path)
+    with refused("file-ending", error=FileError):
+        convert(path, tmp_path / "b.xls", sheet="Survey", azimuth_reference="true")

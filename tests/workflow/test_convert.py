@@ -124,7 +124,7 @@ def test_formats_by_ending():
         for ending in known.endings:
             assert format_of(f"a{ending.upper()}", option="--from" if known.read else "--to") == name
     assert format_of("a.txt") == "csv"  # a table of any kind
-    for path in ("a", "a.xls"):
+    for path in ("a", "a.xlw"):
         with refused("work-format", error=FileError):
             format_of(path)
     with refused("input-choice", name="--from"):

@@ -9,7 +9,7 @@ from typing import Final
 _TABLE: Final = {
     "report": "matplotlib jinja2 markupsafe:jinja2",
     "earth": "pyproj",
-    "formats": "h5py lasio lxml openpyxl pyarrow",
+    "formats": "h5py lasio lxml openpyxl pyarrow xlrd",
     "laboratory": "nicegui fastapi:nicegui starlette:nicegui pydantic:nicegui uvicorn:nicegui "
     "multipart:python-multipart python_multipart:python-multipart sqlalchemy alembic annotated_types:annotated-types "
     "argon2:argon2-cffi zxcvbn serial:pyserial typst segno cryptography pyhanko pyhanko_certvalidator:pyhanko "

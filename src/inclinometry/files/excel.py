@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import warnings
 import zipfile
@@ -18,7 +19,7 @@ from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding
-from inclinometry.opening import damaged, opened, too_large
+from inclinometry.opening import damaged, opened, too_large, whole
 
 SHEET, HEADER = "survey", "header"
 ROWS: Final = 1_048_576
@@ -26,6 +27,7 @@ ROWS: Final = 1_048_576
 BLOCK: Final = 1 << 15
 """Rows that are passed on at once."""
 _UNPACKED: Final = 4_000_000_000  # bytes; a workbook of a million stations unpacks to less than a quarter
+_LARGEST_OLD: Final = 100_000_000
 LONGEST_TEXT: Final = 32_767
 """Characters of a cell, by the format."""
 
@@ -36,7 +38,6 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
     Rows that hold nothing are empty, so that the others keep their numbers. FileError for no workbook, a damaged or a
     monstrous one; no such sheet, an empty one; a formula that no one has calculated.
     """
-    _check(path)
     with ExitStack() as stack:
         book = stack.enter_context(_workbook(path, values=True))
         titles = book.sheetnames
@@ -46,7 +47,7 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
         title = sheet or titles[0]
         header = _header(book[HEADER]) if HEADER in titles and title != HEADER else {}
         rows, written = _rows(book[title], path), None
-        if _has_formulas(path):
+        if not _is_old(path) and _has_formulas(path):
             written = _rows(stack.enter_context(_workbook(path, values=False))[title], path)
         first, held = 1, list[list[Any]]()
         pairs = zip_longest(rows, written, fillvalue=(0, ())) if written else ((row, row) for row in rows)
@@ -87,6 +88,9 @@ def _text(cell: Any) -> str:
 @contextmanager
 def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
     """A workbook open for reading; whatever the library stumbles over in a damaged one is one error."""
+    if _is_old(path):
+        yield _old_workbook(path)
+        return
     _check(path)
     import openpyxl
 
@@ -106,14 +110,61 @@ def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
             book.close()
 
 
+def _is_old(path: Path) -> bool:
+    with opened(path) as stream:
+        return stream.read(4) == OLD_EXCEL
+
+
+class _OldSheet:
+    """A sheet of an .xls as openpyxl has one."""
+
+    def __init__(self, sheet: Any, datemode: int) -> None:
+        self._sheet, self._datemode = sheet, datemode
+
+    def reset_dimensions(self) -> None:
+        """Its size is right."""
+
+    def iter_rows(self, *, values_only: bool) -> Iterator[tuple[Any, ...]]:
+        """Values of each row."""
+        return (tuple(map(self._value, self._sheet.row(k))) for k in range(self._sheet.nrows) if values_only)
+
+    def _value(self, cell: Any) -> Any:
+        import xlrd
+
+        kinds = {
+            xlrd.XL_CELL_DATE: lambda value: xlrd.xldate_as_datetime(value, self._datemode),
+            xlrd.XL_CELL_BOOLEAN: bool,
+            xlrd.XL_CELL_ERROR: lambda value: xlrd.error_text_from_code.get(value, "#ERROR"),
+        }
+        return kinds[cell.ctype](cell.value) if cell.ctype in kinds else cell.value
+
+
+class _OldBook(dict[str, _OldSheet]):
+    """The sheets of an .xls by their names."""
+
+    @property
+    def sheetnames(self) -> list[str]:
+        """In the order of the workbook."""
+        return list(self)
+
+
+def _old_workbook(path: Path) -> _OldBook:
+    import xlrd
+
+    try:
+        book = xlrd.open_workbook(file_contents=whole(path, _LARGEST_OLD), logfile=io.StringIO())
+        return _OldBook({sheet.name: _OldSheet(sheet, book.datemode) for sheet in book.sheets()})
+    except (InputError, MemoryError):
+        raise
+    except Exception:  # with a password, damaged, or a document of another program
+        kind = Finding("file-kind", {"format": ".xls / encrypted .xlsx", "wanted": (".xlsx", ".csv")})
+        raise FileError(kind, path=path) from None
+
+
 def _check(path: Path) -> None:
     """FileError for what is no workbook, before the library sees it."""
     try:
         with opened(path) as stream:
-            start = stream.read(8)
-            if start.startswith(OLD_EXCEL):
-                kind = Finding("file-kind", {"format": ".xls / encrypted .xlsx", "wanted": (".xlsx", ".csv")})
-                raise FileError(kind, path=path)
             if not zipfile.is_zipfile(stream):
                 raise FileError(damaged(".xlsx", "no zip archive"), path=path)
             with zipfile.ZipFile(stream) as archive:

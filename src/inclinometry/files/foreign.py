@@ -26,7 +26,7 @@ from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.not_read import not_read
 from inclinometry.files.profile import current, with_unit
-from inclinometry.files.text import Block, Progress, whole_text, wide
+from inclinometry.files.text import OLD_EXCEL, Block, Progress, whole_text, wide
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, opened, too_large, whole
 
@@ -88,6 +88,7 @@ def _kind(start: bytes) -> Read | None:
     """What reads a file that begins so; None for a text."""
     kinds: dict[bytes, Read] = {
         b"PK\x03\x04": _zipped,
+        OLD_EXCEL: _excel,
         b"PAR1": _parquet,
         b"\x89HDF": _hdf5,
         b"MATLAB 7.3": _hdf5,
@@ -232,12 +233,16 @@ def _json_line(line: str, path: Path, number: int) -> dict[str, Any]:
     return row
 
 
+def _excel(path: Path) -> Pieces:
+    from inclinometry.files.excel import sheet_blocks
+
+    return sheet_blocks(path, current().sheet)
+
+
 def _zipped(path: Path) -> Pieces:
     """A workbook, or numpy's archive of arrays."""
     if not _of_numpy(path):
-        from inclinometry.files.excel import sheet_blocks
-
-        return sheet_blocks(path, current().sheet)
+        return _excel(path)
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}

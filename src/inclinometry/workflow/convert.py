@@ -38,7 +38,7 @@ class Format(NamedTuple):
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
         "csv": Format((".csv", ".tsv"), "files.six_axis:read_survey", "files.six_axis:write_csv"),
-        "xlsx": Format((".xlsx", ".xlsm"), "files.six_axis:read_excel", "files.excel:write_excel"),
+        "xlsx": Format((".xlsx", ".xlsm", ".xls"), "files.six_axis:read_excel", "files.excel:write_excel"),
         "parquet": Format((".parquet", ".pq"), "files.six_axis:read_parquet", "files.parquet:write_parquet"),
         "las": Format((".las",), "files.six_axis:read_las", "files.las:write_las"),
         "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "files.witsml:write_witsml"),
@@ -151,8 +151,9 @@ def convert(
     {'names': ('crew',), 'lost': 2, 'total': 2}
     """
     start, end = format_of(source, from_format), format_of(target, to_format, "--to")
-    if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
-        raise FileError(Finding("file-ending", {"ending": ".xlsm", "allowed": (".xlsx",)}), path=target)
+    ending = Path(target).suffix.lower()
+    if end == "xlsx" and ending in (".xlsm", ".xls"):
+        raise FileError(Finding("file-ending", {"ending": ending, "allowed": (".xlsx",)}), path=target)
     items: Options = {} if channels is None else {"channels": channels}
     if items and not (_known(FORMATS[start].read, items) or _known(FORMATS[end].write, items)):
         raise refused("input-not-with", {"name": "--map", "other": f"{start}, {end}"})
