@@ -198,7 +198,7 @@ def test_collars_that_are_double_or_alone(run, tables):
 
 def test_a_table_that_is_not_of_holes(run, tables):
     """What else the reader refuses: tests/files/test_holes_csv.py."""
-    Path("surveys.csv").write_text(SURVEYS.replace("hole,depth_m", "name,depth_m"))
+    Path("surveys.csv").write_text(SURVEYS.replace("hole,depth_m", "label,depth_m"))
     holes(run).refused("Missing columns: hole.", "[file-column]")
 
 

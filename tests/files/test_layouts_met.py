@@ -15,6 +15,7 @@ from inclinometry.errors import FileError
 from inclinometry.files.holes_csv import read_shots
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import reading_with, with_constants
+from inclinometry.files.six_axis import read_survey
 from inclinometry.files.table import read_table
 from inclinometry.workflow.check import look
 from inclinometry.workflow.convert import format_of
@@ -182,9 +183,59 @@ def test_witsml_takes_its_north_of_the_option():
         well(text, "a.xml", None)
 
 
-def test_wells_of_one_table():
-    Path("a.csv").write_text("wellId,MD (m),Inc (deg),Azi (deg)\nA,0,0,0\nA,30,1,10\nB,0,0,0\nB,40,2,20\n")
+PETREL = """# WELL TRACE FROM PETREL
+# ANGLES ARE GIVEN IN DEGREES
+#=====================================================================
+      MD              X              Y        AZIM_TN   INCL    DLS    AZIM_GN
+#=====================================================================
+ 0.00000 450000.00 6700000.00 46.0 0.0 0.0 45.0
+ 304.800 450018.76 6700018.76 46.0 10.0 0.98 45.0
+ 609.600 450075.11 6700073.82 47.0 20.0 0.98 46.0
+"""
+
+
+def test_azimuths_from_two_norths_of_which_the_option_chooses():
+    for north, azimuths in (("true", [46.0, 46.0, 47.0]), ("grid", [45.0, 45.0, 46.0])):
+        assert well(PETREL, "a.txt", north, units="m,deg")[0][2] == azimuths
+        with reading_with(None, "m,deg"):
+            found = read_survey("a.txt", azimuth_reference=north)
+        assert np.degrees(found.azimuth).round(6).tolist() == azimuths
+    for read in (read_well, read_survey):
+        with refused("table-norths", error=FileError, norths=("true", "grid")), reading_with(None, "m,deg"):
+            read("a.txt")
+    text = "MD (m),Inc (deg),Azi_TN (deg),Azi (deg)\n0,0,1,2\n30,1,3,4\n"
+    assert [well(text, "b.csv", north)[0][2] for north in ("true", "grid")] == [[1.0, 3.0], [2.0, 4.0]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "MD (m),Inc (deg),Azi (deg),GR,GR\n0,0,0,2,3\n30,1,10,4,5\n",
+        "MD (m),Inc (deg),Azi (deg),Note,Note\n0,0,0,a,b\n30,1,10,,\n,,,,\n",
+        ",MD (m),Inc (deg),Azi (deg)\n0,0,0,0\n1,30,1,10\n",
+        "MD (m),Inc (deg),Azi (deg),DLS\n0,0,0,\n30,1,10,x\n",
+    ],
+    ids=["a curve twice", "a note twice", "numbers of rows", "a column without unit"],
+)
+def test_what_is_not_needed_refuses_no_file(text):
+    assert well(text, "a.csv")[0] == [[0.0, 30.0], [0.0, 1.0], [0.0, 10.0]]
+
+
+@pytest.mark.parametrize("name", ["UWI", "wellId", "hid", "BHID", "DDH", "sondaje", "well", "Well_Name", "name"])
+def test_wells_of_one_table(name):
+    text = f"{name},MD (m),Inc (deg),Azi (deg)\nA,0,0,0\nA,30,1,10\nB,0,0,0\nB,40,2,20\n"
+    Path("a.csv").write_text(text)
     assert {hole: len(rows) for hole, rows in read_shots("a.csv").rows.items()} == {"A": 2, "B": 2}
+    if name != "name":
+        assert well(text, "a.csv", sheet="B")[0][0] == [0.0, 40.0]
+        with refused("file-surveys", error=FileError, names=("A", "B")):
+            well(text, "a.csv")
+
+
+def test_names_of_stations_are_no_holes():
+    Path("a.csv").write_text("Name,MD (m),Dip (deg),Azi (deg)\nP1,0,-60,0\nP2,30,-60,10\n")
+    with refused("file-column hole", error=FileError):
+        read_shots("a.csv")
 
 
 def test_holes_with_the_column_that_position_demands():
@@ -210,6 +261,27 @@ def test_deleted_shots_and_second_sensors_are_left_out_and_said():
         [("table-deleted", {"count": 2})],
     )
     assert (len(two), [(one.code, one.values) for one in two.findings]) == (2, [("table-second-set", {"count": 2})])
+
+
+SIX = ("mag_x", "mag_y", "mag_z", "accel_x", "accel_y", "accel_z")
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "names"),
+    [
+        ("mX,mY,mZ,ax,ay,az\n1,2,3,4,5,6\n", {"units": "counts"}, SIX),
+        ("mX,mY,mZ,Gx,Gy,Gz\n1,2,3,4,5,6\n", {"units": "counts"}, SIX),
+        ("mX (LSB),mY (LSB),mZ (LSB),ax (counts),ay (counts),az (counts)\n1,2,3,4,5,6\n", {}, SIX),
+        ("gx,gy,gz,ax,ay,az\n1,2,3,4,5,6\n", {"units": "counts"}, ("gyro_x", "gyro_y", "gyro_z", *SIX[3:])),
+        ("Started\nRaw:1,2,3,4,5,6,7,8,9\nUni:0.1,0.2,9.8,0,0,0,1,2,3\n\n", {"profile": "motioncal"},
+         (*SIX[3:], "gyro_x", "gyro_y", "gyro_z", *SIX[:3])),
+    ],
+)  # fmt: skip
+def test_sensors_in_counts(text, given, names):
+    Path("a.csv").write_text(text)
+    with reading_with(given.get("profile"), given.get("units")):
+        found = read_table("a.csv")
+    assert (found.names, len(found)) == (names, 1)
 
 
 def test_names_of_a_profile_in_small_letters():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -203,6 +204,21 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
 
 
+def azimuths(names: Collection[str], stated: Collection[str] = ()) -> dict[int, str | None]:
+    """Places of the azimuths, each with the north that its name states.
+
+    >>> azimuths(["MD", "AZIM_TN", "Azi"], ["m", "deg"])
+    {1: 'true', 2: None}
+    """
+    found: dict[int, str | None] = {}
+    for k, name in enumerate(names):
+        for unit in (None, *stated):
+            with suppress(InputError):
+                if (what := meaning(name, unit)) is not None and what.key == "azimuth":
+                    found[k] = what.north
+    return found
+
+
 def columns_called(name: str) -> tuple[str, ...]:
     """The package's columns that go by a name without its unit.
 
@@ -210,6 +226,25 @@ def columns_called(name: str) -> tuple[str, ...]:
     (('inclination_deg',), ())
     """
     return tuple(quantities()[key].column for key, _ in _names().get(_squashed(name), ()))
+
+
+def channel_in_counts(name: str, stated: Collection[str] = (), beside: Collection[str] = ()) -> str | None:
+    """The channel in counts that a name means, if it or `stated` has that unit; None for another column.
+
+    A name of two sensors (gx) is the gyro's where a column `beside` it is of an accelerometer alone.
+    >>> channel_in_counts("Gx (counts)"), channel_in_counts("gx", ["counts"], ["ax"])
+    ('accel_x', 'gyro_x')
+    """
+    bracketed = _BRACKETED.fullmatch(name)
+    base, unit = (bracketed["name"], bracketed["unit"]) if bracketed else (name, "")
+    if dimension_of(unit) != "counts" and (unit or "counts" not in stated):
+        return None
+    kinds = [column[:2] for column in columns_called(base) if re.match("[gbw][xyz]_", column)]
+    if len(kinds) > 1:
+        alone = [columns_called(other) for other in beside]
+        kinds = kinds[1:] if any(len(one) == 1 and one[0][:1] == "g" for one in alone) else kinds[:1]
+    prefixes = {"g": "accel", "b": "mag", "w": "gyro"}
+    return f"{prefixes[kinds[0][0]]}_{kinds[0][1]}" if kinds else None
 
 
 def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:

@@ -62,6 +62,8 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
         As `table.read_table`; a column or its unit is missing, both dip and inclination, a hole without name.
     """
     table, rows, found = _by_hole(path, _UNITS, progress)
+    if len(rows) == len(table) and any(name.casefold() == "name" for name in table.names):
+        raise table.error(table.lacking("hole"))  # names of stations
     for name in ("depth", "azimuth"):
         if name not in found:
             raise table.error(table.lacking(name))
@@ -122,6 +124,7 @@ def _by_hole(
     opened = TableFile(path, progress)
     names, known = opened.names, hole_names("hole")
     ids = [name for name in names if "".join(filter(str.isalnum, name)).lower() in known]
+    ids = ids or [name for name in names if name.casefold() == "name"]
     if len(ids) != 1:
         lacking = Finding("file-column", {"columns": ("hole",), "present": tuple(names[:20])})
         raise FileError(same(tuple(ids)) if ids else lacking, path=path)

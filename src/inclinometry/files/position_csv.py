@@ -19,6 +19,7 @@ from inclinometry.files._quantities import listed_axis
 from inclinometry.files.columns import PARTS, SURVEY, channel, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.gyro_csv import STATION
+from inclinometry.files.holes_csv import hole_column
 from inclinometry.files.profile import current
 from inclinometry.files.survey_csv import check_increasing, differs
 from inclinometry.files.table import TableFile, read_table
@@ -109,6 +110,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     gaps += [name for name in opened.take(numeric) if channel(name)]
     table = opened.read(numeric, gaps)
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
+    table = _one_well(table)
     if "inclination_deg" not in table and "azimuth_deg" not in table and (axes := _axes(table)):
         return _through(table, *axes)
     table.require(("inclination_deg", "azimuth_deg"))
@@ -159,6 +161,17 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         unread,
         tuple(findings),
     )
+
+
+def _one_well(table: Frame) -> Frame:
+    """The rows of one well: where a table has several, the well that --sheet names."""
+    named, sheet = next((name for name in table.names if hole_column(name) == "hole"), None), current().sheet
+    wells = () if named is None else tuple(dict.fromkeys(table.text(named)))
+    if named is None or len(wells) < 2:
+        return table
+    if sheet not in wells:
+        raise table.error(Finding("file-surveys", {"names": wells[:20]}))
+    return table.rows(np.array([name == sheet for name in table.text(named)]))
 
 
 def _reference(table: Frame) -> str:

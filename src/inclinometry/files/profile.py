@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
@@ -14,12 +14,20 @@ from typing import Any, Final, NamedTuple
 
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
-from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
+from inclinometry.files._quantities import (
+    channel_in_counts,
+    dimension_of,
+    meaning,
+    quantities,
+    same_unit,
+    seconds_of,
+    unit_factor,
+)
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number, spelled
 from inclinometry.files.toml_keys import Settings, parsed
 from inclinometry.opening import LARGEST_SETTINGS, damaged, not_text, whole
 
-USUAL_UNITS: Final = ("m", "ft", "deg", "rad", "g", "mg", "nT", "uT", "gauss", "degC")
+USUAL_UNITS: Final = ("m", "ft", "deg", "rad", "g", "mg", "nT", "uT", "gauss", "degC", "counts")
 """Units that a profile or --units usually states."""
 
 ENCODINGS: Final = ("utf-8", "cp1251", "cp866", "koi8-r", "gb18030", "cp1252")
@@ -45,7 +53,8 @@ class Profile:
     columns : -> name here, with its unit ("accel_x_mg"); "" leaves it out. given : -> unit, where the name has another.
     blank : -> what an empty cell says ("-9999"); null : the same for all. units : of columns without, one a dimension.
     sheet : of a workbook. encoding : of a text. deleted : column -> its texts in rows that are left out. second_row :
-    cells of a row that follows another and is left out: of a second set of sensors.
+    cells of a row that follows another and is left out: of a second set of sensors. prefix : of the rows, other lines
+    are left out.
     axes : kind -> axis of the file ("-x") for x, y, z of the tool. constants : columns the file lacks -> their value.
     """
 
@@ -66,6 +75,7 @@ class Profile:
     sheet: str | None = None
     deleted: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     second_row: int = 0
+    prefix: str = ""
     encoding: str | None = None
 
     @property
@@ -90,8 +100,8 @@ class Profile:
         alike = [key for key in self.columns if key.casefold() == bare.casefold()]
         return name if name in self.columns else alike[0] if len(alike) == 1 else bare
 
-    def reading(self, name: str, numeric: Callable[[str], bool]) -> Reading:
-        """What the column `name` is for a reader that takes `numeric` names as numbers.
+    def reading(self, name: str, numeric: Callable[[str], bool], beside: Collection[str] = ()) -> Reading:
+        """What the column `name` is, `beside` others, for a reader that takes `numeric` names as numbers.
 
         Raises
         ------
@@ -107,6 +117,9 @@ class Profile:
             return self._turned(Reading(plain))
         if numeric("time_s") and (factor := seconds_of(name, self.units)) is not None:
             return Reading("time_s", factor)
+        counts = channel_in_counts(name, self.units, beside)
+        if counts is not None and numeric(counts):
+            return self._turned(Reading(counts))
         found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}
         if len(found) > 1:
             readings = tuple(sorted(reading.name for reading in found))
@@ -328,7 +341,7 @@ _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
     "title": str, "separator": str, "skip": int, "header": bool, "units_row": bool, "columns": dict, "units": list,
     "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict, "roll_sets": dict,
     "null": (int, float), "sheet": str,
-    "deleted": dict, "second_row": int, "encoding": str,
+    "deleted": dict, "second_row": int, "encoding": str, "prefix": str,
 }  # fmt: skip
 
 
@@ -372,6 +385,7 @@ def _profile(content: dict[str, Any]) -> Profile:
         sheet=content.get("sheet"),
         deleted={name: tuple(map(str, texts)) for name, texts in content.get("deleted", {}).items()},
         second_row=content.get("second_row", 0),
+        prefix=content.get("prefix", ""),
         encoding=content.get("encoding"),
     )
 

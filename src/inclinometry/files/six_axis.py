@@ -70,7 +70,7 @@ def _survey(
     read: Read | None = None,
     progress: Progress | None = None,
 ) -> SurveyFile:
-    opened = TableFile(path, progress, read=read)
+    opened = TableFile(path, progress, read=read, north=azimuth_reference)
     gaps = [name for name in opened.take(is_number) if not is_depth(name)]
     frame = opened.read(is_number, gaps)
     return survey_of(frame, convention=convention, azimuth_reference=azimuth_reference)

@@ -17,7 +17,15 @@ from inclinometry.earth.site import REFERENCES
 from inclinometry.earth.site import REFERENCES as NORTHS
 from inclinometry.errors import InputError, not_among, out_of_order, refused, wrong_kind, wrong_shape
 from inclinometry.files import writing
-from inclinometry.files._quantities import EXTRA, Meaning, Quantity, from_si, meaning, quantities
+from inclinometry.files._quantities import (
+    EXTRA,
+    Meaning,
+    Quantity,
+    columns_called,
+    from_si,
+    meaning,
+    quantities,
+)
 from inclinometry.files.columns import closest
 from inclinometry.files.frame import Column, Frame
 from inclinometry.findings import Finding, Value
@@ -157,6 +165,8 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
         try:
             what = meaning(name, None, frame.columns.keys())
         except InputError as error:
+            if columns_called(name) == ("dls_deg_30m",):
+                continue  # it is computed from the angles
             raise frame.error(error.finding) from None
         if what is None:
             continue

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.columns import channel, is_number
+from inclinometry.files._quantities import azimuths, columns_called
+from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import MOST_COLUMNS, MOST_VALUES, Read, foreign_pieces
 from inclinometry.files.frame import Column, Frame, row_error
 from inclinometry.files.profile import Reading, current, stated_unit
@@ -49,11 +50,18 @@ class TableFile:
     """A table that is open: its names are known, its rows are read once, piece by piece.
 
     names : of the columns as the file has them, or as the profile names them. line : of the names, or None.
-    With `timed`, columns of date and time become `time_s`, seconds since the first row.
+    With `timed`, columns of date and time become `time_s`, seconds since the first row. Of azimuths from several norths
+    those from `north` are read.
     """
 
     def __init__(
-        self, path: str | Path, progress: Progress | None = None, *, timed: bool = False, read: Read | None = None
+        self,
+        path: str | Path,
+        progress: Progress | None = None,
+        *,
+        timed: bool = False,
+        read: Read | None = None,
+        north: object = None,
     ) -> None:
         profile = current()
         self.path, self._profile = Path(path), profile
@@ -80,10 +88,17 @@ class TableFile:
             pieces, self._north = self._text.pieces(), self._text.north
             self.findings = self._lines.findings
             if "" in written and (one := next(pieces, None)) is not None:
-                # a table that does not begin in the first column of its sheet
+                # a table that does not begin in the first column of its sheet, or begins with the numbers of its rows
                 unnamed = (k for k, name in enumerate(written) if not name)
                 empty = {k for k in unnamed if not any(map(str.strip, texts_of(one[1][k])))}
+                empty |= {0} if not written[0] and _counts(texts_of(one[1][0])) else set()
                 pieces = chain([one], pieces)
+        if north := north or profile.constants.get("azimuth_reference"):
+            of = azimuths(written, profile.units)
+            wanted = [k for k in of if of[k] == north] or [k for k in of if of[k] is None]
+            empty |= set(of) - set(wanted) if len(wanted) == 1 else set()
+        for k in [k for k, name in enumerate(written) if name in written[:k] and self._unread(name)]:
+            written[k] = f"{written[k]} ({k + 1})"
         self._numbers = NumberReader(self.path, self.word)
         self._width, self._count = len(written), 0
         # the north may be stated twice, as long as both are the same
@@ -124,6 +139,11 @@ class TableFile:
         """Of what is said of each column, that of those that are read and of those that are added."""
         return [*(cells[k] for k in self._kept), *cells[self._width :]]
 
+    def _unread(self, name: str) -> bool:
+        """Whether no command needs a column of this name: it may be there twice."""
+        known = is_number(name) or name in TEXT or part_of_time(name) or columns_called(name)
+        return not known and name[:1].isalpha() and name not in self._profile.columns and not stated_unit(name)
+
     def _check_names(self, names: Sequence[str]) -> None:
         if len(names) > MOST_COLUMNS:
             raise self._error(too_large("columns", len(names), MOST_COLUMNS), self.line)
@@ -142,7 +162,9 @@ class TableFile:
             bare = self._bare.get(name, name)
             try:
                 reading = (
-                    Reading(bare) if name.startswith(f"{bare} (") and numeric(bare) else profile.reading(name, numeric)
+                    Reading(bare)
+                    if name.startswith(f"{bare} (") and numeric(bare)
+                    else profile.reading(name, numeric, self.written)
                 )
             except InputError as error:
                 raise row_error(self.path, error.finding, self.line, self.word) from None
@@ -154,6 +176,11 @@ class TableFile:
         """Read the columns as what they are to a reader that takes `numeric` names as numbers; their names."""
         self.readings = self._readings(numeric)
         self.names = tuple(reading.name for reading in self.readings)
+        norths = [reading.north for reading in self.readings] + list(
+            azimuths(list(filter(numeric, self.names))).values()
+        )
+        if len(norths := list(dict.fromkeys(filter(None, norths)))) > 1:
+            raise self._error(Finding("table-norths", {"norths": tuple(norths)}), self.line)
         self._check_names(self.names)
         self.degrees = {
             reading.name
@@ -334,6 +361,11 @@ class TableFile:
             name = next(name for name, values in numbers.items() if values[row] in NULLS)
             marked = Finding("table-null", {"column": name, "value": float(numbers[name][row])})
             raise self._error(marked, int(lines[row]))
+
+
+def _counts(cells: Sequence[str]) -> bool:
+    """Whether these are 0, 1, 2 .. or 1, 2, 3 .."""
+    return any([cell.strip() for cell in cells] == [str(start + k) for k in range(len(cells))] for start in (0, 1))
 
 
 def _filled(lines: NDArray[np.int64], columns: list[Cells]) -> tuple[NDArray[np.int64], list[Cells]]:

@@ -186,6 +186,7 @@ class TextTable:
         self.second = 0
         self._other: Finding | None = None
         self.quick: Callable[[str], list[Cells] | None] | None = None
+        blocks = (_prefixed(block, given.prefix) for block in blocks) if given.prefix else blocks
         first = next(blocks, None)
         self._blocks = blocks if first is None else chain([first], blocks)
         self._laid: Profile | None = None
@@ -353,6 +354,12 @@ class TextTable:
     def _cut(self, line: Any) -> Sequence[Any]:
         # the last cells of a row of a sheet may be missing
         return cut(line, self.mark) if isinstance(line, str) else [*line, *[""] * (len(self.names) - len(line))]
+
+
+def _prefixed(block: Block, prefix: str) -> Block:
+    """The rows without their prefix; lines without one are empty."""
+    lines = [line_of(row) for row in block.lines]
+    return block._replace(lines=[line[len(prefix) :] if line.startswith(prefix) else "" for line in lines])
 
 
 def row_width(cells: int, columns: int) -> Finding:
