@@ -581,7 +581,7 @@ I[k] = -999.25 | I[k : k + 5] = 0; A[k : k + 5] = 0 | I[k : k + 9] = I[k]; A[k :
 A = np.radians(A)"""
 TYPOS = """I[k] /= 10 | A[k] += 100 | A[k] += 180 | I[k] += 30 | md[k] += 1000 | md[k] /= 10
 I[k], A[k] = A[k], I[k] | A[k] *= 10 | A[h] += 90 | md[h] = md[n // 2] + (md[h] - md[n // 2]) / .3048 | A = 0 * A
-I[h] += 15"""
+I[h] += 25"""
 SHOTS = """dip[k] = -dip[k] | dip = -dip | dip[hole == 'DH003'] *= -1 | dip[k] += 40 | A[k] += 100 | A[k] *= 10
 md[k] *= 10 | md[hole == 'DH002'] /= .3048 | md = md / .3048 | dip = -90 - dip | A[k], dip[k] = -dip[k], -A[k]
 dip[k] = -99 | A[k] = -999 | hole[k] = 'DH02' | A = 0 * A | A = np.radians(A) | md[h] /= .3048 | A = A / .9
@@ -679,10 +679,12 @@ def main() -> None:
     given = parser.parse_args()
     os.environ["INCLINOMETRY_KEYS"] = tempfile.mkdtemp()
     for part in (given.part,) if given.part else ("right", "wrong"):
-        found = {name: judged(part, name) for name in RIGHT if given.only in (None, name)}
-        found["all"] = sum((counts for counts, _ in found.values()), Counter()), []
-        print("\n".join(f"{part} {name:12} {dict(counts)}" for name, (counts, _) in found.items()))
-        print("\n".join(sorted(line for _, lines in found.values() for line in lines)))
+        total, lines = Counter(), []
+        for name in RIGHT if given.only is None else (given.only,):
+            counts, more = judged(part, name)
+            print(f"{part} {name:12} {dict(counts)}", flush=True)
+            total, lines = total + counts, lines + more
+        print("\n".join([f"{part} {'all':12} {dict(total)}", *sorted(lines)]))
 
 
 if __name__ == "__main__":
