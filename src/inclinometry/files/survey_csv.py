@@ -80,6 +80,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
     opened = path if isinstance(path, TableFile) else TableFile(path, progress)
     table = opened.read(numbers_among(RAW_SURVEY))
     table.unknown(RAW_SURVEY)
+    table = table.downwards(table.depth()[0])
     name, md = table.depth()
     check_increasing(table, name, table.number(name))
     signals = read_signals(table)
