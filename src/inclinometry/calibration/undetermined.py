@@ -60,5 +60,5 @@ def unsettled() -> Finding:
 
 OWN_AXES: Final = undetermined(
     "readings", ("rotation from sensor axes to tool axes",), "Use a rig or roll sets for angles"
-)
+)._replace(severity="note")
 """Each triad is calibrated in its own axes."""

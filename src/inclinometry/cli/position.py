@@ -126,7 +126,7 @@ def position(
     by_run = {option: _of_runs(option, texts, surveys) for option, texts in given.items()}
     read = {f"run {k}": one for k, one in enumerate(more, 2)} | {"the survey": survey, "--site": site}
     read |= {"--stability": stability, "--tie-from": tie_from}
-    read |= {option if k == 1 else f"{option} of run {k}": one and Path(one) for option, own in by_run.items()
+    read |= {option if k == 1 else f"{option} of run {k}": Path(one) if one else None for option, own in by_run.items()
              for k, one in enumerate(own, 1)}  # fmt: skip
     output.check_outputs({"--output": output_, "--report": report, "--sources": sources}, read)
     runs = [RunFiles(*files) for files in zip(surveys, *by_run.values(), strict=True)]
@@ -163,7 +163,7 @@ def position(
             north=north,
             progress=progress,
         )
-    shown = {"section": section_azimuth, "feet": feet}
+    shown: dict[str, Any] = {"section": section_azimuth, "feet": feet}
     _write(found, output_, report, sources, every, shown)
     output.findings(found.findings)
     columns = position_columns(found.path, found.uncertainty, found.survey.north, **shown)

@@ -38,8 +38,8 @@ class RunErrors:
         if not rows.any():
             raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
         errors = {cause: one._replace(by_parameter=one.by_parameter[rows]) for cause, one in self.errors.items()}
-        angles = {"inclination": self.inclination[rows], "azimuth": self.azimuth[rows]}
-        return replace(self, md=self.md[rows], errors=errors, **angles)
+        inclination, azimuth = self.inclination[rows], self.azimuth[rows]
+        return replace(self, md=self.md[rows], inclination=inclination, azimuth=azimuth, errors=errors)
 
 
 _ROWS = ("inclination", "azimuth", "north", "east")

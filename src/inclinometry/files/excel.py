@@ -7,7 +7,7 @@ import re
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
@@ -131,7 +131,7 @@ class _OldSheet:
     def _value(self, cell: Any) -> Any:
         import xlrd
 
-        kinds = {
+        kinds: dict[int, Callable[[Any], Any]] = {
             xlrd.XL_CELL_DATE: lambda value: xlrd.xldate_as_datetime(value, self._datemode),
             xlrd.XL_CELL_BOOLEAN: bool,
             xlrd.XL_CELL_ERROR: lambda value: xlrd.error_text_from_code.get(value, "#ERROR"),

@@ -95,10 +95,14 @@ class Frame:
             columns[name] = tuple(compress(cells, kept)) if text else frozen(np.asarray(cells)[kept])
         return replace(self, columns=MappingProxyType(columns), lines=self.lines[kept])
 
-    def reversed(self) -> Frame:
-        """The same table from its last row to its first."""
-        columns = {n: v[::-1] if isinstance(v, tuple) else frozen(v[::-1]) for n, v in self.columns.items()}
-        return replace(self, columns=MappingProxyType(columns), lines=self.lines[::-1])
+    def downwards(self, depth: str | None) -> Frame:
+        """The same table from the top down, where its depths fall from each row to the next."""
+        md = self.columns.get(depth or "", ())
+        if isinstance(md, tuple) or len(md) < 2 or not (np.diff(md) < 0.0).all():
+            return self
+        turned = {n: c[::-1] if isinstance(c, tuple) else frozen(c[::-1].copy()) for n, c in self.columns.items()}
+        found = (*self.findings, Finding("survey-bottom-up", severity="note"))
+        return replace(self, columns=MappingProxyType(turned), lines=self.lines[::-1], findings=found)
 
     def require(self, names: Iterable[str]) -> None:
         """FileError for the first of `names` that is missing, with the likely remedy."""

@@ -79,7 +79,11 @@ def split_at_data(path: str | Path, text: str, sheet: str | None = None) -> Sect
     if not found:
         raise FileError(Finding("file-section", {"section": "~ASCII"}), path=path, line=len(lines))
     if (wanted is None and len(places) > 1) or not places:
-        choice = {"name": "--sheet", "value": sheet or "-", "allowed": tuple(dict.fromkeys(found.values()))}
+        choice: dict[str, Value] = {
+            "name": "--sheet",
+            "value": sheet or "-",
+            "allowed": tuple(dict.fromkeys(found.values())),
+        }
         raise FileError(Finding("input-choice", choice), path=path)
     if len(places) > 1:
         twice = Finding("input-repeated", {"name": "section", "value": titles[places[1]]})
@@ -248,16 +252,14 @@ def las_frame(where: Path) -> Frame:
     depth = columns[names[0]]
     if parts.spans and not isinstance(depth, tuple):
         findings += _span(where, las, units.get(names[0]), depth, rows)
-        if len(depth) > 1 and (np.diff(depth) < 0.0).all():
-            columns = {name: c[::-1] if isinstance(c, tuple) else c[::-1].copy() for name, c in columns.items()}
-            rows = rows[::-1]
     header, north = _head_texts(where, las)
     try:
         bare = {with_unit(name, units.get(name)): name for name in columns}
     except InputError as error:
         raise in_file(error, where) from None
     named = {name: columns[own] for name, own in bare.items()}
-    return Frame(where, named, rows, bare=bare, north=north, header=header, findings=tuple(findings))
+    table = Frame(where, named, rows, bare=bare, north=north, header=header, findings=tuple(findings))
+    return table.downwards(next(iter(named)) if parts.spans else None)
 
 
 def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]) -> list[Finding]:

@@ -120,6 +120,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         left = {"count": int(empty.sum()), "line": int(table.lines[empty][0])}
         findings.append(Finding("work-rows-left-out", left, severity="note"))
         table = table.rows(~empty)
+    table = table.downwards(table.depth()[0])
     name, metres = table.depth()
     values = table.number(name)
     check_increasing(table, name, values)

@@ -81,9 +81,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
     opened = path if isinstance(path, TableFile) else TableFile(path, progress)
     table = opened.read(numbers_among(RAW_SURVEY))
     table.unknown((*RAW_SURVEY, *SERIALS))
-    upwards = tuple[Finding, ...]()
-    if len(table) > 1 and (np.diff(table.number(table.depth()[0])) < 0.0).all():
-        table, upwards = table.reversed(), (Finding("survey-bottom-up", severity="note"),)
+    table = table.downwards(table.depth()[0])
     name, md = table.depth()
     check_increasing(table, name, table.number(name))
     signals = read_signals(table)
@@ -94,7 +92,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
         temperature,
         MappingProxyType(signals.units),
         MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
-        (*signals.findings, *upwards),
+        signals.findings,
         table.lines,
         table.digest,
         read_serial(table),

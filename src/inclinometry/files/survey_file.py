@@ -174,6 +174,7 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
             raise frame.error(Finding("table-same", {"columns": (taken[what.key], name)}))
         taken[what.key] = name
         meanings[name] = what
+    frame = frame.downwards(taken.get("md"))
     found: dict[str, Array] = {}
     for name, what in meanings.items():
         if what.unit is not None:

@@ -176,11 +176,10 @@ class TableFile:
         """Read the columns as what they are to a reader that takes `numeric` names as numbers; their names."""
         self.readings = self._readings(numeric)
         self.names = tuple(reading.name for reading in self.readings)
-        norths = [reading.north for reading in self.readings] + list(
-            azimuths(list(filter(numeric, self.names))).values()
-        )
-        if len(norths := list(dict.fromkeys(filter(None, norths)))) > 1:
-            raise self._error(Finding("table-norths", {"norths": tuple(norths)}), self.line)
+        named = azimuths(list(filter(numeric, self.names))).values()
+        norths = tuple(dict.fromkeys(one for one in (*(r.north for r in self.readings), *named) if one))
+        if len(norths) > 1:
+            raise self._error(Finding("table-norths", {"norths": norths}), self.line)
         self._check_names(self.names)
         self.degrees = {
             reading.name

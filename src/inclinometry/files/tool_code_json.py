@@ -15,7 +15,7 @@ from inclinometry.constants import FOOT
 from inclinometry.errors import InputError, in_file, not_among, out_of_range, refused
 from inclinometry.files import json_codec
 from inclinometry.files.ipm import read_ipm
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.position.tool_code import STATES, Term, ToolCode, term
 from inclinometry.tabular import check_record
 
@@ -112,7 +112,12 @@ def _read(path: Path, given: Mapping[str, float]) -> ToolCode:
     findings: tuple[Finding, ...] = ()
     if "noisereductionfactor" in used and "noise_reduction_factor" not in parameters and not used & set(STATES):
         parameters = {**parameters, "noise_reduction_factor": 1.0}
-        assumed = {"name": "noise_reduction_factor", "value": 1.0, "unit": "", "why": "stationary gyro"}
+        assumed: dict[str, Value] = {
+            "name": "noise_reduction_factor",
+            "value": 1.0,
+            "unit": "",
+            "why": "stationary gyro",
+        }
         findings = (Finding("work-assumed", assumed | {"needed": ("--tool-parameter",)}, severity="note"),)
     for key, (name, _) in _PARAMETERS.items():
         if name in used and not any(_PARAMETERS.get(other, ("",))[0] == name for other in parameters):
@@ -145,7 +150,7 @@ def _based(content: dict[str, Any], path: Path) -> dict[str, Any]:
     """A file of changed magnitudes with the terms of the shipped code: null leaves a term out, a pair renames one."""
     if content["based_on"] not in tool_code_names():
         raise in_file(not_among("$.based_on", content["based_on"], tool_code_names()), path)
-    base = json_codec.load(files("inclinometry.position").joinpath("tool_codes", f"{content['based_on']}.json"))
+    base = json_codec.load(Path(str(files("inclinometry.position"))) / "tool_codes" / f"{content['based_on']}.json")
     terms = {cells["name"]: cells for cells in base["terms"]}
     for name, value in content["magnitudes"].items():
         like, size = value if isinstance(value, list) else (name, value)

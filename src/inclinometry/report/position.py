@@ -553,7 +553,7 @@ def position_report(
         for size in (flat, upright)
     }
     times = stretched(path, covariance, direction, upright)
-    section = shown[upright] + (
+    ellipses = shown[upright] + (
         "" if times == 1.0 else label("; horizontal scale {times:g} times the vertical", times=times)
     )
     shadows = "" if covariance is None else label(" with the shadows of 95 % ellipsoids{size}", size=_drawn_at(magnify))
@@ -591,7 +591,7 @@ def position_report(
             picture(
                 section_figure(path, covariance, direction, upright),
                 "section",
-                label("Vertical section{ellipses}", ellipses=section),
+                label("Vertical section{ellipses}", ellipses=ellipses),
             ),
         ],
         still=picture(

@@ -288,11 +288,11 @@ def _moved(
 
 
 FALSE_MOVEMENTS: Final = {
-    "bias": ("holes-bias-shift", "bias_shift", 1000.0, "mm"),
-    "rotation": ("holes-rotation", "rotation", 180.0 / np.pi, "deg"),
-    "depth": ("holes-depth-shift", "depth", 1000.0, "mm"),
+    "bias": ("holes-bias-shift", "bias_shift", 1000.0, ("bias_shift_mm", "expanded_mm")),
+    "rotation": ("holes-rotation", "rotation", 180.0 / np.pi, ("rotation_deg", "expanded_deg")),
+    "depth": ("holes-depth-shift", "depth", 1000.0, ("depth_mm", "expanded_mm")),
 }
-"""Error between two readings -> its code, the field of `CasingErrors` that it replaces, the unit of its value."""
+"""Error between two readings -> its code, the field of `CasingErrors` it replaces, scale and names of value and U."""
 
 
 def _corrected(
@@ -316,14 +316,14 @@ def _corrected(
     use = []
     for place, name in enumerate(false.ratios):
         cause, _, axis = name.partition(" ")
-        code, field, scale, unit = FALSE_MOVEMENTS[cause]
+        code, field, scale, (size_name, u_name) = FALSE_MOVEMENTS[cause]
         use.append(cause in correct)
         size, u = scale * false.values[place], scale * float(np.sqrt(false.covariance[place, place]))
         facts: dict[str, Value] = {"reading": now.name, "end": "top" if fixed == "bottom" else "bottom"}
-        facts |= {f"{field}_{unit}": float(size), f"expanded_{unit}": 2.0 * u}
+        facts |= {size_name: float(size), u_name: 2.0 * u}
         lean = {of: way * float(steps[place].sum() * false.values[place]) for of, steps in false.steps.items()}
-        parts = [{"axis": of.upper(), "false_mm": lean[of]} for of in axis or lean]
-        facts["parts"] = tuple(Finding("holes-false-part", part) for part in parts)
+        parts = (Finding("holes-false-part", {"axis": of.upper(), "false_mm": lean[of]}) for of in axis or lean)
+        facts["parts"] = tuple(parts)
         facts["advice"] = "It is corrected" if use[-1] else f"Correct it by --correct {cause}"
         found.append(Finding(code, facts, severity="note" if use[-1] else "warning"))
         errors = replace(errors, **{field: 0.0}) if use[-1] else errors

@@ -51,11 +51,11 @@ class _Fit(NamedTuple):
 def _walks(n: int, down: bool) -> list[tuple[Array, Array, float]]:
     """Of each kind of movement: the whitening matrix, single steps and jumps (n, 2 n) by it, half the log variance."""
     walk = np.tri(n) if down else np.tri(n).T
-    found = []
+    found = list[tuple[Array, Array, float]]()
     for order, variance in _WALKS:
         away = np.linalg.matrix_power(walk, order)
         root = np.linalg.cholesky(np.eye(n) + (variance * away @ away.T if order else 0.0))
-        white = np.linalg.inv(root)
+        white = np.asarray(np.linalg.inv(root), dtype=np.float64)
         found.append((white, np.concatenate([white, white @ walk], axis=1), float(np.log(np.diag(root)).sum())))
     return found
 

@@ -79,7 +79,7 @@ def drill_hole(depth: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, end
     shots, last = len(md), float(md[-1])
     if md[0] < 0.0:
         raise out_of_range("depth", float(md[0]), ">= 0")
-    if end is not None and end < last - 1e-6:
+    if end is not None and end < last - 0.05:  # either may be rounded to tenths of a metre or foot
         raise InputError(Finding("holes-end-above", {"end_m": end, "md_m": last}, severity="refused"))
     if last == 0.0 and not end:
         raise InputError(Finding("holes-length-unknown", severity="refused"))

@@ -220,7 +220,7 @@ def check_repeats(run: Run) -> list[Finding]:
     few = axes and len(np.unique(values, axis=0)) < 0.5 * len(values)  # noise-free readings of few attitudes
     same = (values[1:] == values[:-1]).all(axis=1)
     if not axes:  # a section that is taken to be vertical, or level in one direction, is listed so at every depth
-        whole = (np.abs(np.degrees(values) - np.round(np.degrees(values))) < 1e-6).all(axis=1)
+        whole: Mask = np.all(np.abs(np.degrees(values) - np.round(np.degrees(values))) < 1e-6, axis=1)
         same &= (run.inclination[1:] != 0.0) & ~(whole[1:] & (whole.mean() < 0.5))
     if same.any() and not same.all() and not few:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]]))).reshape(-1, 2)

@@ -187,7 +187,7 @@ def read_position(
         mwd = [one for one in codes if one is not None and "mwd" in one.name.lower()]
         said += [Finding("work-code-date", {"code": one.name, "date": str(site.date)}) for one in mwd]
     said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
-    inputs = {}
+    inputs = dict[str, str]()
     for number, (files, one) in enumerate(zip(runs, wells, strict=True), 1):
         prefix = f"run {number}: " if below else ""
         shared = {"site": site_path, "tie": tie_from} if number == 1 else {}
@@ -285,8 +285,8 @@ def _model(
 def _all_codes(codes: Sequence[ToolCode]) -> ToolCode | None:
     """The tool codes of several runs as a report describes them: names and sources of all, terms of the first."""
     names = ("name", "source", "revision", "description")
-    texts = {name: "; ".join(dict.fromkeys(getattr(one, name) for one in codes)) for name in names}
-    return replace(codes[0], **texts) if codes else None
+    texts = ("; ".join(dict.fromkeys(getattr(one, name) for one in codes)) for name in names)
+    return replace(codes[0], **dict[str, Any](zip(names, texts, strict=True))) if codes else None
 
 
 def _stored(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from inclinometry.arrays import Mask
 from inclinometry.calibration.result import Calibration, same_tool, same_units
 from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
@@ -162,15 +163,15 @@ def _without_frozen(found: Survey) -> Survey:
     """The survey without the angles that rest on a channel of one value, and their uncertainties."""
     failed = [one for one in found.findings if one.code == "sensor-frozen" and one.severity != "ignored"]
     names = ("inclination", "azimuth", "toolface", "magnetic_toolface")
-    gone = np.zeros((len(found), len(names)), dtype=np.bool_)
+    gone: Mask = np.zeros((len(found), len(names)), dtype=np.bool_)
     for one in failed:
         gone[np.ix_(one.rows, range(4) if one.values["sensor"] == VECTORS[0] else (1, 3))] = True
     if not failed:
         return found
-    kept = {name: np.where(gone[:, k], np.nan, getattr(found, name)) for k, name in enumerate(names)}
+    kept: dict[str, Any] = {name: np.where(gone[:, k], np.nan, getattr(found, name)) for k, name in enumerate(names)}
     parts = {name: np.where(gone, np.nan, part) for name, part in found.components.items()}
-    flags = [[*row, "channel"] if off else row for row, off in zip(found.flags, gone.any(axis=1), strict=True)]
     rows = set(np.flatnonzero(gone.any(axis=1)).tolist())
+    flags = [[*flags, "channel"] if row in rows else flags for row, flags in enumerate(found.flags)]
     said = tuple(one for one in found.findings if one.code != "survey-flagged" or not rows.issuperset(one.rows))
     return replace(found, **kept, components=parts, flags=flags, findings=said)
 

@@ -58,11 +58,11 @@ def one_well(wells: Sequence[WellStations], site: Site, north: str) -> tuple[Wel
     ends = [0, *(np.flatnonzero(np.diff(of)) + 1).tolist(), len(of)]
     pieces = [(i, j - 1, int(of[i])) for i, j in pairwise(ends)]
     usual = float(np.median(np.diff(md)))
-    for (_, i, above), (j, _, under) in pairwise(pieces):
+    for (_, i, upper), (j, _, under) in pairwise(pieces):
         if md[j] - md[i] > max(100.0, 3.0 * usual):
             where = {"from_m": float(md[i]), "to_m": float(md[j]), "gap_m": float(md[j] - md[i])}
             found.append(
-                Finding("work-runs-gap", where | {"file": wells[under].path.name, "above": wells[above].path.name})
+                Finding("work-runs-gap", where | {"file": wells[under].path.name, "above": wells[upper].path.name})
             )
     blank = [np.full(len(one), np.nan) for one in wells]
     faces, heats = ([getattr(one, name) for one in wells] for name in ("toolface", "temperature"))
