@@ -101,7 +101,7 @@ UPWARDS += "\n".join(["~A", *LAS.splitlines()[:-5:-1]]) + "\n"
     [
         (LAS, ["work-rows-left-out"]),
         (LAS.replace("STOP.FT 3000.0", "STOP.FT 2990.0"), ["file-beyond", "work-rows-left-out"]),
-        (UPWARDS, ["work-rows-left-out"]),
+        (UPWARDS, ["survey-bottom-up", "work-rows-left-out"]),
         (codecs.BOM_UTF16_LE + LAS.encode("utf-16-le"), ["work-rows-left-out"]),
         (LAS.replace(" GR.GAPI   : Gamma\n", " GR.GAPI : Gamma\n GR.GAPI : again\n").replace("50.0\n", "50.0 1\n")
          .replace("-999.25\n", "-999.25 1\n").replace("60.0\n", "60.0 1\n").replace("61.0\n", "61.0 1\n"),
