@@ -23,7 +23,7 @@ from inclinometry.files.holes_csv import hole_column
 from inclinometry.files.profile import current
 from inclinometry.files.survey_csv import check_increasing, differs
 from inclinometry.files.table import TableFile, read_table
-from inclinometry.files.text import NULLS, NumberReader, Progress
+from inclinometry.files.text import NULLS, NumberReader, Progress, marks_nothing
 from inclinometry.findings import Finding, Value
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.well import hole_sigmas, horizontal_ellipse
@@ -281,7 +281,7 @@ def _out_of_range(table: Frame, name: str, row: int, allowed: str) -> Finding:
     values, azimuths = table.number(name), table.number("azimuth_deg")
     value, upright = float(values[row]), name == "inclination_deg" and len(values) > 2
     facts: dict[str, Value] = {"name": name, "value": value}
-    if abs(value) >= 900.0:
+    if marks_nothing(value):
         return Finding("table-null", {"column": name, "value": value})
     if upright and -90.0 <= value < 0.0 and (np.abs(values) <= 90.0).all():
         return Finding("readings-dip", facts)

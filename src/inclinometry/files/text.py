@@ -190,6 +190,15 @@ NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
 """What many programs write where there is nothing."""
 
 
+def marks_nothing(value: float) -> bool:
+    """Whether a number out of range is a mark of an empty cell: nines, or absurdly large.
+
+    >>> marks_nothing(-999.25), marks_nothing(99.0), marks_nothing(1583.2)
+    (True, True, False)
+    """
+    return abs(value) >= 1e5 or (abs(value) >= 99.0 and set(f"{abs(value):.0f}") == {"9"})
+
+
 # From the bytes of a text file to blocks of lines: encoding, line ends, digest, progress; bounded memory.
 
 CHUNK = 1 << 20

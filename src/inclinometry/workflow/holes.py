@@ -12,7 +12,7 @@ from inclinometry.arrays import Array, Index
 from inclinometry.errors import FileError, InputError, refused
 from inclinometry.files.columns import closest
 from inclinometry.files.holes_csv import Collar, Shots, read_collars, read_shots
-from inclinometry.files.text import Progress
+from inclinometry.files.text import Progress, marks_nothing
 from inclinometry.findings import Finding, Value
 from inclinometry.survey.holes import Hole, check_holes, drill_hole, inclination_of_dip, some_names
 from inclinometry.survey.path import Path as HolePath
@@ -145,7 +145,7 @@ def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) ->
                 raise InputError(Finding("table-empty", {"column": what}, (k,)))
             if not low - 1e-9 <= column[k] <= high + 1e-9:
                 value = round(float(np.degrees(column[k])), 6)
-                if abs(value) >= 900.0 or abs(value) == 99.0:
+                if marks_nothing(value):
                     raise InputError(Finding("table-null", {"column": what, "value": value}, (k,)))
                 values: dict[str, Value] = {"name": what, "value": value}
                 values["allowed"] = f"{bounds[what][0]:g} .. {bounds[what][1]:g} deg"
