@@ -160,7 +160,7 @@ def test_a_calibrated_tool_by_its_certificate(run, well):
     np.testing.assert_allclose(*limits, rtol=1e-6)
     done = run(*MSA, *tool, "--json").ok()
     assert "axial interference" in done.json["parameters"]
-    assert done.json["priors"] == json.loads(Path("tool.json").read_text())["name"]
+    assert done.json["priors"] == json.loads(Path("tool.json").read_text())["tool"]
     assert run(*SURVEY, *tool, "--correct", "corrections.json").status == 0
     for found, true in zip(rows_of("survey.csv"), rows_of("path.csv"), strict=True):
         turn = (float(found["azimuth_deg"]) - float(true["azimuth_deg"]) + 180.0) % 360.0 - 180.0
@@ -314,7 +314,7 @@ def test_options_that_do_not_go_together(run):
         ((*SURVEY, "--correct", "magic"), "--correct: magic; allowed: axial, msa or sag"),
         ((*SURVEY, "--correct", "sag"), "--bha"),
         ((*SURVEY, "--bha", "bha.toml"), "--bha needs --correct sag"),
-        ((*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from gyro"),
+        ((*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from"),
         ((*SURVEY, "--correct", "none.json"), "[file-absent]"),
         ((*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "does not apply to"),
         (("msa", *poor, "-o", "corrections.json"), "b_nT and dip_deg"),

@@ -27,7 +27,9 @@ def displacement(
     sensitivity: Annotated[float, options.quantity("percent", 0.0, 20.0)] = 0.0,
     depth_sd: Annotated[float, options.quantity("mm", 0.0, 10_000.0)] = 0.0,
     rotation: options.Sd = 0.0,
-    correct: Annotated[tuple[Literal["bias", "rotation", "depth"], ...], Parameter(consume_multiple=True)] = (),
+    correct: Annotated[
+        list[Literal["bias", "rotation", "depth"]] | None, Parameter(consume_multiple=True, negative="")
+    ] = None,
     a0_azimuth: options.AzimuthOrNone = None,
     output_: options.OutputOrNone = None,
     report: options.Report = None,
@@ -71,7 +73,9 @@ def displacement(
     inputs |= {f"reading {n}": path for n, path in enumerate((later, *more), 1)}
     output.check_outputs({"--output": output_, "--report": report}, inputs)
     errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
-    moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct)
+    moved = casing_movement(
+        base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct or ()
+    )
     told = moved.base_sums, moved.found, moved.findings, moved.inputs, moved.base.reading.depth
     with output.reported(report, "displacement:displacement_report", moved.base.table.path.stem, *told):
         if output_ is not None:
