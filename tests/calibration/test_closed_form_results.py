@@ -238,7 +238,7 @@ class TestRefusals:
         [
             ({"rig_sd": -1.0}, "rig_sd"),
             ({"rig_sd": [0.1, 0.1]}, "rig_sd"),
-            ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
+            ({"noise_sd": {"accelerometer": 0.0}}, "noise_sd"),
             ({"noise_sd": {"magneto": 1.0}}, "magneto"),
         ],
     )
