@@ -359,7 +359,7 @@ def test_a_plan_that_only_rolls_promises_nothing():
         ({"rig_sd": 31 * DEG}, "rig_sd"),
         ({"dip": 90 * DEG}, "dip"),
         ({"noise": {"accelerometer": 1e-3}}, "magnetometer"),
-        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer noise"),
+        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer.noise"),
         ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "magnetometer"),
         ({"restarts": 0}, "restarts"),
         ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "<= 9"),

@@ -72,10 +72,10 @@ def test_no_angles(readings):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"noise_sd": {"accelerometer": -1.0}}, "noise sd"),
-        ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
-        ({"noise_sd": {"accelerometer": np.nan}}, "noise sd"),
-        ({"noise_sd": {"accelerometer": [1.0, 2.0]}}, "accelerometer noise sd"),
+        ({"noise_sd": {"accelerometer": -1.0}}, "noise_sd.accelerometer"),
+        ({"noise_sd": {"accelerometer": 0.0}}, "noise_sd.accelerometer"),
+        ({"noise_sd": {"accelerometer": np.nan}}, "noise_sd.accelerometer"),
+        ({"noise_sd": {"accelerometer": [1.0, 2.0]}}, "noise_sd.accelerometer"),
         ({"noise_sd": {"accelerator": 1.0}}, "accelerator"),
         ({"rig_sd": -0.1}, "rig_sd"),
         ({"rig_sd": 45.0}, "rig_sd"),
@@ -84,7 +84,7 @@ def test_no_angles(readings):
         ({"nuisance_sd": {"inclination_zro": 0.1}}, "inclination_zro"),
         ({"nuisance_sd": {"inclination_zero": -0.1}}, "nuisance_sd"),
         ({"nuisance_sd": {"inclination_zero": 10.0}}, "nuisance_sd"),
-        ({"field_prior": {"magnetometer": ([0, 0, 0], 0.1)}}, "length of the field_prior"),
+        ({"field_prior": {"magnetometer": ([0, 0, 0], 0.1)}}, "|field_prior.magnetometer|"),
         ({"field_prior": {"magnetometer": ([0, 1], 0.1)}}, "shape"),
         ({"field_prior": {"magnetometer": ([0, 0, 1], -0.1)}}, "field_prior"),
         ({"field_prior": {"magnetometer": ([0, 0, 1], np.nan)}}, "field_prior"),
@@ -119,8 +119,8 @@ def test_options_that_cannot_be_used_are_one_clear_error(readings, options, word
         ({"temperature": np.full(24, np.nan)}, "temperature"),
         ({"count": np.zeros(3)}, "count"),
         ({"count": np.zeros(24)}, "count"),
-        ({"sd": {"accelerometer": np.zeros((3, 7))}}, "accelerometer sd"),
-        ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "accelerometer sd"),
+        ({"sd": {"accelerometer": np.zeros((3, 7))}}, "accelerometer.sd"),
+        ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "accelerometer.sd"),
     ],
 )
 def test_readings_that_do_not_go_together(readings, change, words):
