@@ -62,8 +62,8 @@ def test_upright_the_same_orientation_is_kept_once():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"azimuth": (1.0, 0.0)}, "azimuth limits"),
-        ({"toolface": (0.0, 360.0)}, "toolface limits"),
+        ({"azimuth": (1.0, 0.0)}, "azimuth.limits"),
+        ({"toolface": (0.0, 360.0)}, "toolface.limits"),
         ({"candidates": 0}, "candidates"),
     ],
 )
