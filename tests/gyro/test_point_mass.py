@@ -136,7 +136,7 @@ def test_several_runs_of_each_law(law: str) -> None:
 def test_all_latitudes_and_noises_are_honest() -> None:
     z = []
     for law in LAWS:
-        for latitude in (0.0, 31.5, 43.8, 60.0, 75.0):
+        for latitude in (0.0, 43.8, 75.0):
             for noise in (0.0045, 0.015, 0.05):
                 run = Moving(7, law, latitude, noise, (2.0, 178.0))
                 error, sd = run.off(smooth_scale(*run.given, None, quadratic_belief(sd=0.003)).law)

@@ -166,6 +166,5 @@ def test_a_right_run_is_never_blocked():
 @pytest.mark.parametrize("name", ["twelve", "orthogonal", "half", "two-face", "rotations"])
 @pytest.mark.parametrize("sd_deg", [0.01, 0.1, 0.5, 1.0, 2.0])
 def test_right_runs_of_many_plans_and_rigs_are_never_blocked(name, sd_deg):
-    for seed in (21, 22):
-        for known in (True, False):
-            assert blocked_in_a_right_run(make_plan(name), float(np.radians(sd_deg)), seed, known=known)[0] == 0
+    for seed, known in ((21, True), (22, False)):
+        assert blocked_in_a_right_run(make_plan(name), float(np.radians(sd_deg)), seed, known=known)[0] == 0

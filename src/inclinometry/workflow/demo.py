@@ -298,7 +298,7 @@ RIG = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians
 SEED = 1
 HOT_SEED = 8
 """A run in which the scale drifts by 1 % and K passes zero, so that every method shows its weakness."""
-HOT_RUNS = 150
+HOT_RUNS = 30
 FLEET_TOOLS = 40
 
 
