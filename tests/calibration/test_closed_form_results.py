@@ -182,7 +182,7 @@ class TestClassical:
     def test_what_it_refuses(self, bench):
         tool = realistic_tool(1, bits=None)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
-        with refused("input-needs", name="--method classical"):
+        with refused("input-needs", name="classical"):
             calibrate_classical(readings)
         with refused("input-missing", names=("data_sheet.magnetometer",)):
             calibrate_classical(readings, data_sheet=Tool("a", {"accelerometer": tool.triads["accelerometer"]}))

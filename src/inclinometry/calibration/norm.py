@@ -406,7 +406,7 @@ def calibrate_norms(
     """
     check_record(readings, BenchReadings, "calibrate_norms")
     if set(readings.channels) - {"accelerometer", "magnetometer"}:
-        raise refused("input-not-with", {"name": "gyro", "other": "--method norm"})
+        raise refused("input-not-with", {"name": "gyro", "other": "norm"})
     fits, triads, noise, size = {}, {}, {}, 0
     for kind, signals in readings.channels.items():
         strength = readings.reference.get("g", gravity) if kind == "accelerometer" else readings.reference.get("b", 1.0)

@@ -22,7 +22,7 @@ from inclinometry.laboratory.web.words import problem, say, sentence
 
 def _without_quotations(text: str) -> str:
     """Without commands, options and addresses, and what system and database say in their own words, in quotes."""
-    return re.sub(r"--method \w+|--\w+|\w+://\S+|/\S+", "", re.sub(r'`[^`]*`|"[^"]*"', "", text))
+    return re.sub(r"--\w+|\w+://\S+|/\S+", "", re.sub(r'`[^`]*`|"[^"]*"', "", text))
 
 
 OF_DATABASES = [
