@@ -162,7 +162,8 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
     shares = {kind: float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()}
     kind = max(shares, key=lambda k: shares[k])
     best: list[tuple[float, float, _Whole]] = []
-    if shares[kind] > 0.01:  # of the field; dials with a standard deviation of 0.5 deg leave 0.01
+    poor = shares[kind] > 0.01  # of the field; dials with a standard deviation of 0.5 deg leave 0.01
+    if poor:
         best = _ranked(signals, own, _units(signals, settings))
         # what takes many fits is tried where the simpler does not explain it, of so few stations that all are tried
         simple = bool(best) and best[0][0] > _CERTAIN and best[0][1] > 4.0
@@ -172,8 +173,7 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
             best += _ranked(signals, own, _gains(signals, settings, stations))
             best = sorted((_refine_gain_step(signals, own, settings, *one) for one in best), key=lambda one: -one[0])
     likelihood, drift, far = _drift(signals, settings, own)
-    mixed = shares[kind] > 0.01
-    ratio, times, changed = _changed(signals, settings, own, readings.station) if mixed else (0.0, 1.0, None)
+    ratio, times, changed = _changed(signals, settings, own, readings.station) if poor else (0.0, 1.0, None)
     if (
         changed
         and times > 2.0
