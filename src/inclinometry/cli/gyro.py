@@ -48,6 +48,25 @@ Turns: TypeAlias = Annotated[
         "wrong, azimuths are mirrored."
     ),
 ]
+Misalignment: TypeAlias = Annotated[
+    float | None,
+    options.quantity(
+        "deg",
+        0.0,
+        5.0,
+        help="Standard deviation of the gyros' axes, each toward each other. Default: 0.2; calibrated gyros: 0.",
+    ),
+]
+Sensitivity: TypeAlias = Annotated[
+    float | None,
+    options.quantity(
+        "deg_h_g",
+        0.0,
+        100.0,
+        help="Standard deviation of the gyros' g-sensitivity along each axis, deg/h per g. Default: 0.1; calibrated "
+        "g-sensitivity: 0.02.",
+    ),
+]
 History: TypeAlias = Annotated[options.InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
 
 
@@ -66,6 +85,8 @@ def north(
     gyro_sd: GyroSd = None,
     accel_sd: Annotated[float | None, options.quantity("m_s2", 0.0, 1.0, above=True)] = None,
     z_bias_sd: Annotated[float | None, options.quantity("deg_h", 0.0, 1000.0, above=True)] = None,
+    gyro_misalignment: Misalignment = None,
+    g_sensitivity: Sensitivity = None,
     sweep: Annotated[float, options.quantity("deg", 0.0, 180.0)] = 0.0,
     index_turns: Turns = "clockwise",
     hole: Hole = None,
@@ -123,6 +144,8 @@ def north(
         gyro_sd=gyro_sd,
         accelerometer_sd=accel_sd,
         z_bias_sd=z_bias_sd,
+        misalignment=gyro_misalignment,
+        g_sensitivity=g_sensitivity,
         sweep=sweep,
         hole=hole,
         gravity_sd=gravity_sd,
