@@ -5,7 +5,8 @@
 A run of 60 stations, inclination from 2 deg to anywhere between 20 and 88 and azimuth walking by 1.5 deg a station, at
 latitude 0 to 75 deg, four index positions of two gyros and two accelerometers, noise of 0.015 deg/h of a station, no
 thermometer; the scale factor follows one of five laws. Coverage: share of azimuths within 1.96 standard uncertainties.
-u/error: median uncertainty over the median error as a normal distribution has it. Gross: more than 1 deg and 5 u, unflagged.
+u/error: median uncertainty over the median error as a normal distribution has it. Gross: beyond 1 deg and 5 u, and
+unflagged.
 """
 
 from __future__ import annotations

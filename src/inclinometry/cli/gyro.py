@@ -179,6 +179,8 @@ def scale(
     history: History = None,
     scale_sd: ScaleSd = 0.003,
     gyro_sd: GyroSd = None,
+    gyro_misalignment: Misalignment = None,
+    g_sensitivity: Sensitivity = None,
     index_turns: Turns = "clockwise",
     hole: Hole = None,
     report: options.Report = None,
@@ -209,6 +211,8 @@ def scale(
         scale_sd=scale_sd,
         history=None if history is None else read_scale(history),
         gyro_sd=gyro_sd,
+        misalignment=gyro_misalignment,
+        g_sensitivity=g_sensitivity,
         hole=hole,
     )
     found = _run(run, site, read_site(site), calibration, wishes, index_turns)

@@ -28,6 +28,7 @@ from inclinometry.gyro.north import azimuth_only, to_high_side
 from inclinometry.gyro.point_mass import JUMP, OWN, STEPS, Rates
 from inclinometry.gyro.result import North
 from inclinometry.gyro.run import Averages, ScalePrior, Stations, solve
+from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.uncertainty import UNKNOWN
 
 MISALIGNMENT = np.radians(0.2)
@@ -293,6 +294,14 @@ class AxisEffect(NamedTuple):
             components={**north.components, "gyro axes": azimuth_only(np.sum(by_azimuth**2, axis=1))},
             response=response,
         )
+
+    def followed(self, track: ScaleTrack) -> ScaleTrack:
+        """The scale factor along the run, and what the next one starts from, with this cause."""
+        variance = np.einsum("np,pq,nq->n", self.found.by_k, self.found.covariance, self.found.by_k) * track.scale**4
+        covariance = track.state.covariance.copy()
+        covariance[0, 0] += np.mean(variance)
+        state = replace(track.state, covariance=covariance)
+        return replace(track, scale_sd=np.sqrt(track.scale_sd**2 + variance), state=state)
 
 
 def of_azimuth(north: North, by_azimuth: Array) -> Array:

@@ -189,6 +189,7 @@ def north_run(
         track = None
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
+        track = track if effect is None else effect.followed(track)
     flags = _flags(averages, heat, calibration, chosen.history)
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
