@@ -113,7 +113,7 @@ def north(
         Stations CSV: the survey columns and scale, u_scale, root, K, temperature_degC, and the rates corrected by the
         scale factor.
     calibration
-        tool.json. Without it accelerometers are in m/s2 (or as named) and axes are perfect.
+        tool.json. Without it accelerometers are in m/s2 (or as named), along the axes of their names.
     scale
         joint: azimuth and scale factor together. patent: closed form of the Chinese patent application of 2015, four
         positions. fixed: scale 1.
