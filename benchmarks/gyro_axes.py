@@ -1,4 +1,4 @@
-"""Whether azimuths of gyros that nobody calibrated are as wrong as `gyro north` says; an own simulator.
+"""Whether azimuths of uncalibrated gyros are as wrong as `gyro north` says; an own simulator.
 
     python -m benchmarks.gyro_axes [--runs 40] [--scene NAME] [--json]
 

@@ -32,10 +32,10 @@ from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.uncertainty import UNKNOWN
 
 MISALIGNMENT = np.radians(0.2)
-"""Standard deviation, rad, of an element of M of gyros that nobody calibrated."""
+"""Standard deviation of each element of M, rad; uncalibrated gyros."""
 
 G_SENSITIVITY = np.radians(0.1) / 3600.0
-"""Standard deviation, rad/s per g, of an element of G of gyros that nobody calibrated."""
+"""Standard deviation of each element of G, rad/s per g; uncalibrated gyros."""
 
 CALIBRATED = 0.2
 """Share of that which a calibration of the g-sensitivity leaves: its own uncertainty is not kept."""
@@ -305,7 +305,7 @@ class AxisEffect(NamedTuple):
 
 
 def of_azimuth(north: North, by_azimuth: Array) -> Array:
-    """Derivatives (n, 4, p) of inclination, azimuth and the hole's direction by what moves azimuth by (n, p)."""
+    """Derivatives (n, 4, p) of inclination, azimuth and the hole's direction where the azimuth's are (n, p)."""
     level = np.sin(north.inclination)[:, None]
     sine, cosine = np.sin(north.azimuth)[:, None], np.cos(north.azimuth)[:, None]
     return np.stack([0.0 * by_azimuth, by_azimuth, -level * sine * by_azimuth, level * cosine * by_azimuth], axis=1)
@@ -331,7 +331,7 @@ def corrected_run(
         high, cov = to_high_side(stations.rate / EARTH_RATE, cov / EARTH_RATE**2, level.toolface)
         rates = Rates(high, cov, level.inclination, stations.latitude)
         at = Linearised.of(rates, prior, level.toolface, joint.azimuth, 1.0 / joint.scale)
-        # an azimuth of which less is known is on no straight line
+        # a less certain azimuth is not linear
         teaching = ~stations.failed & (joint.u("azimuth") < 0.2)
         found = estimate_axes(at, prior, before, teaching, known)
         step = found.by_azimuth @ (found.estimate - before)

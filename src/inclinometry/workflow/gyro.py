@@ -271,7 +271,7 @@ def _axis_prior(averages: Averages, calibration: Calibration | None, options: Gy
 
 
 def _axes_note(north: North, options: GyroOptions, calibration: Calibration | None) -> list[Finding]:
-    """What gyros whose axes nobody stated cost in this run."""
+    """What unstated axes of the gyros cost in this run."""
     if "gyro axes" not in north.components or None not in (options.misalignment, options.g_sensitivity):
         return []
     zero = replace(north, components={**north.components, "gyro axes": 0.0 * north.components["gyro axes"]})
