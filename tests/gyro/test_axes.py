@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.gyro.axes import G_SENSITIVITY, MISALIGNMENT, Linearised, axis_prior
+from inclinometry.gyro.axes import AxisPrior, Linearised
 from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.joint import earth_in_tool, solve_joint
 from inclinometry.gyro.north import to_high_side
@@ -13,7 +13,6 @@ from inclinometry.gyro.point_mass import Rates
 from inclinometry.rotations import rotation_z, wrap_signed
 
 rad = np.radians
-STATED = {"across": 2, "calibrated": False, "g_calibrated": False}
 
 
 @pytest.mark.parametrize(("scheme", "gyros"), [("four", 2), ("four", 3), ("two", 2), ("two", 3), ("four", 1)])
@@ -32,8 +31,8 @@ def test_what_index_positions_leave_is_these_constants(scheme: str, gyros: int) 
     signals = (rate + rate @ axes.T + gravity @ pull.T)[:, :gyros]
     found = average_index(station, index, signals, scheme=scheme, noise=np.full(gyros, 1e-3)).field
     high, _ = to_high_side(found, np.zeros((size, 3, 3)), toolface)
-    prior = axis_prior(None, None, bias=0.1 if gyros == 3 else None, pairs=scheme == "two", **STATED)
-    assert prior is not None
+    sizes = np.ones((7 if scheme == "two" else 3) + 3 * (gyros == 3))
+    prior = AxisPrior(sizes, sizes, scheme == "two")
     (xx, xy, _), (yx, yy, _), (*_, zz) = axes if gyros > 1 else (axes[0], (-axes[0, 1], axes[0, 0], 0.0), axes[2])
     (gxx, gxy, _), (gyx, gyy, _), (*_, gzz) = pull if gyros > 1 else (pull[0], (-pull[0, 1], pull[0, 0], 0.0), pull[2])
     constants = [xy - yx, gxx + gyy, gxy - gyx]
@@ -48,8 +47,7 @@ def test_what_index_positions_leave_is_these_constants(scheme: str, gyros: int) 
 def test_derivatives_are_differences() -> None:
     rng, size, latitude = np.random.default_rng(2), 9, rad(44.0)
     azimuth, inclination, toolface = rng.uniform(0.2, 1.2, (3, size))
-    prior = axis_prior(None, None, bias=0.1, pairs=True, **STATED)
-    assert prior is not None
+    prior = AxisPrior(np.ones(10), np.ones(10), pairs=True)
     earth, sd = earth_in_tool(azimuth, inclination, latitude), 0.02
     noise = 1e-3**2 * np.tile(np.eye(3), (size, 1, 1))
     at = Linearised.of(Rates(earth, noise, inclination, latitude), prior, toolface, azimuth, np.ones(size))
@@ -60,11 +58,3 @@ def test_derivatives_are_differences() -> None:
         moved = solve_joint(earth + at.effects @ off, noise, inclination, latitude, scale=1.0, scale_sd=sd)
         assert wrap_signed(moved.azimuth - azimuth) == pytest.approx(-1e-6 * by_azimuth[:, place], rel=1e-3, abs=1e-10)
         assert moved.k - 1.0 == pytest.approx(-1e-6 * by_k[:, place], rel=1e-3, abs=1e-10)
-
-
-def test_perfect_axes_are_no_prior() -> None:
-    assert axis_prior(0.0, 0.0, bias=None, pairs=False, **STATED) is None
-    known = axis_prior(None, 0.0, bias=None, pairs=False, **STATED)
-    assert known is not None
-    assert known.wide.tolist() == [MISALIGNMENT / np.sqrt(2.0), 0.0, 0.0]
-    assert pytest.approx(rad(0.1) / 3600.0) == G_SENSITIVITY

@@ -13,10 +13,10 @@ of latitude. They are seen only through a slow scale factor, so it is eliminated
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from inclinometry.gyro.point_mass import JUMP, OWN, STEPS, Rates
 from inclinometry.gyro.result import North
 from inclinometry.gyro.run import Averages, ScalePrior, Stations, solve
 from inclinometry.gyro.tracking import ScaleTrack
+from inclinometry.sensors import Triad
 from inclinometry.uncertainty import UNKNOWN
 
 MISALIGNMENT = np.radians(0.2)
@@ -83,50 +84,33 @@ class AxisPrior(NamedTuple):
         earth = earth_in_tool(north.azimuth, north.inclination, np.full(len(north), latitude))
         by = self.effects(earth, north.inclination, north.toolface) * self.wide * EARTH_RATE
         by = by[..., : len(self.wide) - self.along]
-        c, s = np.cos(north.toolface)[:, None], np.sin(north.toolface)[:, None]
-        own = np.stack([c * by[:, 0] + s * by[:, 1], c * by[:, 1] - s * by[:, 0], by[:, 2]], axis=1)
-        return np.asarray(own @ own.swapaxes(1, 2))
+        return to_high_side(by[..., 0], by @ by.swapaxes(1, 2), -north.toolface)[1]
 
 
 def axis_prior(
-    misalignment: float | None, g_sensitivity: float | None, across: int, bias: float | None, *,
-    pairs: bool, calibrated: bool, g_calibrated: bool,
-) -> AxisPrior | None:  # fmt: skip
-    """What is known of the gyros' axes; None: they are stated to be perfect.
+    misalignment: float | None, g_sensitivity: float | None, averages: Averages, triad: Triad | None, *, pairs: bool
+) -> AxisPrior | None:
+    """What is known of the gyros' axes, of a calibrated `triad` or of none; None: they are stated to be perfect.
 
-    misalignment, rad, g_sensitivity, rad/s per g: as stated, else those of an uncalibrated tool; `across` gyros share
-    them. bias : of a gyro along the tool, rad/s; None without one.
+    misalignment, rad, g_sensitivity, rad/s per g: as stated, else those of an uncalibrated tool.
     """
-    turn = 0.0 if calibrated else MISALIGNMENT
-    pull = G_SENSITIVITY * (CALIBRATED if g_calibrated else 1.0)
-    sizes = [turn if misalignment is None else misalignment, pull if g_sensitivity is None else g_sensitivity]
-    if not any(sizes):
+    turn, pull = (MISALIGNMENT, G_SENSITIVITY) if triad is None else (0.0, G_SENSITIVITY)
+    pull *= CALIBRATED if triad is not None and triad.g_sensitivity is not None else 1.0
+    turns = [turn, NARROW * turn] if misalignment is None else [misalignment] * 2
+    pulls = [pull, NARROW * pull] if g_sensitivity is None else [g_sensitivity] * 2
+    if not turns[0] and not pulls[0]:
         return None
-    sizes[1] /= EARTH_RATE
-    good = [
-        size * (NARROW if given is None else 1.0)
-        for size, given in zip(sizes, (misalignment, g_sensitivity), strict=True)
-    ]
+    three = bool(np.isfinite(averages.rate.field[:, 2]).any())
+    mean = 1.0 / np.sqrt(max(averages.rate.bias.shape[1] - three, 1))
 
-    def each(turn: float, pull: float) -> Array:
-        mean = np.sqrt(1.0 / across)
-        sd = [turn * mean, pull * mean, pull * mean]
-        if pairs:
-            sd += [turn * mean, turn * mean, pull * mean, pull * mean]
-        if bias is not None:
-            sd += [0.0 if calibrated else ALONG * turn / MISALIGNMENT, pull, bias / EARTH_RATE]
-        return np.array(sd)
+    def sizes(turn: float, pull: float) -> Array:
+        sd = [mean * turn, mean * pull, mean * pull]
+        sd += [mean * turn, mean * turn, mean * pull, mean * pull] if pairs else []
+        along = 0.0 if triad is not None else ALONG * turn / MISALIGNMENT
+        return np.array(sd + ([along, pull, float(np.max(averages.rate_bias)) / EARTH_RATE] if three else []))
 
-    return AxisPrior(each(*sizes), each(*good), pairs)
-
-
-class AxisErrors(NamedTuple):
-    """Estimate (p,) and covariance (p, p) of the constants; derivatives (n, p) by them of azimuth and of 1/scale."""
-
-    estimate: Array
-    covariance: Array
-    by_azimuth: Array
-    by_k: Array
+    wide, narrow = (sizes(turn, pull / EARTH_RATE) for turn, pull in zip(turns, pulls, strict=True))
+    return AxisPrior(wide, narrow, pairs)
 
 
 class Linearised(NamedTuple):
@@ -155,20 +139,23 @@ class Linearised(NamedTuple):
             effects[:, 2, -1] = 1.0  # a bias is not scaled
         return cls(k, earth, turn, effects, weight, np.nan_to_num(rates.high) - k[:, None] * earth)
 
+    @property
+    def pull(self) -> Array:
+        """Change (n, 3) of the azimuth by the readings, the rest known."""
+        by = np.einsum("nij,nj->ni", self.weight, self.turn)
+        return np.asarray(by / np.maximum(np.sum(self.turn * by, axis=1, keepdims=True), 1e-300))
+
     def information(self, columns: Array) -> tuple[Array, Array, Array]:
         """Information (n, q, q), its product with the readings (n, q) and their square (n,), azimuths eliminated."""
-        pulled = np.einsum("nij,nj->ni", self.weight, self.turn)
-        size = np.maximum(np.sum(self.turn * pulled, axis=1), 1e-300)
-        own = self.weight - pulled[:, :, None] * pulled[:, None, :] / size[:, None, None]
+        free = np.eye(3) - self.turn[:, :, None] * self.pull[:, None, :]
+        own = self.weight @ free
         by = columns.swapaxes(1, 2) @ own
         return by @ columns, (by @ self.left[:, :, None])[..., 0], np.einsum("ni,nij,nj->n", self.left, own, self.left)
 
     def by_azimuth(self, by_k: Array) -> Array:
         """Derivatives (n, p) of azimuth by the constants where those of k are (n, p)."""
-        pulled = np.einsum("nij,nj->ni", self.weight, self.turn)
-        size = np.maximum(np.sum(self.turn * pulled, axis=1), 1e-300)
         moved = self.earth[:, :, None] * by_k[:, None, :] + self.effects
-        return np.asarray(-np.einsum("ni,nip->np", pulled, moved) / size[:, None])
+        return np.asarray(-np.einsum("ni,nip->np", self.pull, moved))
 
     def each_alone(self, sd: Array) -> Array:
         """Derivatives (n, p) of k by the constants where its prior (n,) is each station's own."""
@@ -177,7 +164,7 @@ class Linearised(NamedTuple):
             return np.asarray(-full[:, 0, 1:] / np.maximum(full[:, :1, 0] + (1.0 / sd**2)[:, None], 1e-300))
 
 
-def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mask, stated: ScalePrior) -> AxisErrors:
+def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mask, stated: ScalePrior) -> AxisEffect:
     """The constants from a run, and what they do to it.
 
     before : (p,) what the rates were corrected by. teaching : (n,) stations that count.
@@ -197,7 +184,8 @@ def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mas
         known[1:, 1:] = np.linalg.pinv(state.covariance[1:, 1:], hermitian=True)
         mean[1:] = -state.coefficients[1:]
     offset = np.append(np.zeros(shared), before)
-    wides, narrows = [], []
+    wides: list[tuple[Any, ...]] = []
+    narrows: list[tuple[Any, ...]] = []
     owns = OWN if shared > 1 else (0.0,)
     for step, own, (sd, chance) in product(STEPS, owns, ((first[1], 0.95), (np.hypot(first[1], JUMP), 0.05))):
         less = own**2 / (1.0 + own**2 * whole[:, 0, 0])
@@ -229,61 +217,51 @@ def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mas
         belief = np.log(chance) - 0.5 * miss - np.log(factor[1]).sum() - (size - 1) * np.log(step) - np.log(sd)
         belief -= 0.5 * np.log1p(own**2 * whole[:, 0, 0]).sum()
         for spread, members in ((prior.wide, wides), (prior.narrow, narrows)):
-            members.append(_member(full, toward, belief, spread, shared, by, moved))
-    wide, narrow = (_mixed(members) for members in (wides, narrows))
+            scale = np.append(np.ones(shared), spread)  # a constant that is known has none
+            matrix = scale[:, None] * full * scale
+            np.einsum("ii->i", matrix)[shared:] += 1.0
+            inverse, target = np.linalg.inv(matrix), scale * toward
+            chance_of = belief + 0.5 * target @ inverse @ target - 0.5 * np.linalg.slogdet(matrix)[1]
+            found, covariance = scale * (inverse @ target), scale[:, None] * inverse * scale
+            follows = -np.linalg.solve(full[:shared, :shared], full[:shared, shared:])
+            by_k = (moved - by[:, :shared]) @ follows - by[:, shared:]
+            members.append((chance_of, found[shared:], covariance[shared:, shared:], by_k))
+    wide, narrow = _mixed(wides), _mixed(narrows)
     share = 1.0 / (1.0 + np.exp(np.clip(narrow[0] - wide[0], -700.0, 700.0)))
     apart = (1.0 - share) * (wide[1] - narrow[1])
-    estimate, covariance = wide[1] - apart, wide[2] + np.outer(apart, apart)
-    return AxisErrors(estimate, covariance, at.by_azimuth(wide[3]), wide[3])
+    alone = stated.before_sd if stated.track is None else None
+    return AxisEffect(at, wide[1] - apart, wide[2] + np.outer(apart, apart), wide[3], alone)
 
 
-def _member(
-    full: Array, toward: Array, belief: float, spread: Array, shared: int, by: Array, moved: Array
-) -> tuple[float, Array, Array, Array]:
-    """Logarithm of the evidence, mean and covariance of the constants, derivative of k (n, p), for one prior."""
-    size = len(spread)
-    scale = np.append(np.ones(shared), spread)  # a constant that is known has none
-    matrix = scale[:, None] * full * scale
-    matrix[range(shared, shared + size), range(shared, shared + size)] += 1.0
-    inverse = np.linalg.inv(matrix)
-    found = inverse @ (scale * toward)
-    evidence = belief + 0.5 * found @ (scale * toward) - 0.5 * float(np.linalg.slogdet(matrix)[1])
-    covariance = scale[:, None] * inverse * scale
-    follows = -np.linalg.solve(full[:shared, :shared], full[:shared, shared:])
-    by_k = (moved - by[:, :shared]) @ follows - by[:, shared:]
-    return float(evidence), (scale * found)[shared:], covariance[shared:, shared:], by_k
-
-
-def _mixed(members: Sequence[tuple[float, Array, Array, Array]]) -> tuple[float, Array, Array, Array]:
-    """The same of all, weighted by evidence."""
-    evidence = np.array([one[0] for one in members])
-    weight = np.exp(evidence - evidence.max())
-    total = float(np.log(weight.sum()) + evidence.max())
+def _mixed(members: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Logarithm of the evidence, mean, covariance and derivatives of k of all members, weighted by evidence."""
+    belief, mean, spread, by_k = (np.array(part) for part in zip(*members, strict=True))
+    weight = np.exp(belief - belief.max())
+    total = np.log(weight.sum()) + belief.max()
     weight /= weight.sum()
-
-    def mean(parts: Iterable[Array]) -> Array:
-        return np.asarray(sum(w * part for w, part in zip(weight, parts, strict=True)))
-
-    centre = mean(one[1] for one in members)
-    spread = mean(one[2] + np.outer(one[1] - centre, one[1] - centre) for one in members)
-    return total, centre, spread, mean(one[3] for one in members)
+    centre = weight @ mean
+    off = mean - centre
+    return total, centre, np.tensordot(weight, spread, 1) + (off.T * weight) @ off, np.tensordot(weight, by_k, 1)
 
 
 class AxisEffect(NamedTuple):
-    """What is left of the constants, by method, in a run linearised `at` its solution."""
+    """The constants (p,), what is left of them, covariance (p, p), and what that does to a run linearised `at` its
+    solution: derivatives of k (n, p)."""
 
     at: Linearised
-    found: AxisErrors
+    estimate: Array
+    covariance: Array
+    by_k: Array
     alone: Array | None  #: (n,) sd of k before, where the joint estimate does not follow the run
 
     def counted(self, north: North) -> North:
         """An estimate with this cause: of azimuth, as one error of the run, and of the scale factor."""
-        by_k = self.found.by_k
+        by_k = self.by_k
         if north.method == "fixed":
             by_k = 0.0 * by_k
         elif north.method == "patent" or self.alone is not None:
             by_k = self.at.each_alone(np.full(len(by_k), np.inf) if self.alone is None else self.alone)
-        values, vectors = np.linalg.eigh(self.found.covariance)
+        values, vectors = np.linalg.eigh(self.covariance)
         root = vectors * np.sqrt(np.clip(values, 0.0, None))
         by_azimuth = np.clip(self.at.by_azimuth(by_k) @ root, -UNKNOWN, UNKNOWN)
         of_scale = north.scale**2 * np.sqrt(np.sum((by_k @ root) ** 2, axis=1))
@@ -297,7 +275,7 @@ class AxisEffect(NamedTuple):
 
     def followed(self, track: ScaleTrack) -> ScaleTrack:
         """The scale factor along the run, and what the next one starts from, with this cause."""
-        variance = np.einsum("np,pq,nq->n", self.found.by_k, self.found.covariance, self.found.by_k) * track.scale**4
+        variance = np.einsum("np,pq,nq->n", self.by_k, self.covariance, self.by_k) * track.scale**4
         covariance = track.state.covariance.copy()
         covariance[0, 0] += np.mean(variance)
         state = replace(track.state, covariance=covariance)
@@ -326,25 +304,22 @@ def corrected_run(
         level = tilt(stations.gravity, stations.g)
         level = upward(level, level.unseen & (joint.inclination > np.pi / 2.0))
         cov = stations.rate_covariance.copy()
-        # the bias along the tool is one of the constants
-        cov[:, 2, 2] -= averages.rate_bias**2
+        cov[:, 2, 2] -= averages.rate_bias**2  # the bias along the tool is one of the constants
         high, cov = to_high_side(stations.rate / EARTH_RATE, cov / EARTH_RATE**2, level.toolface)
         rates = Rates(high, cov, level.inclination, stations.latitude)
         at = Linearised.of(rates, prior, level.toolface, joint.azimuth, 1.0 / joint.scale)
         # a less certain azimuth is not linear
         teaching = ~stations.failed & (joint.u("azimuth") < 0.2)
         found = estimate_axes(at, prior, before, teaching, known)
-        step = found.by_azimuth @ (found.estimate - before)
-        left = joint.u("azimuth") ** 2 + np.einsum("np,pq,nq->n", found.by_azimuth, found.covariance, found.by_azimuth)
-        if not again or (np.abs(step[teaching]) < 0.1 * np.sqrt(left[teaching])).all():
+        by = at.by_azimuth(found.by_k)
+        left = joint.u("azimuth") ** 2 + np.einsum("np,pq,nq->n", by, found.covariance, by)
+        moved = by @ (found.estimate - before)
+        if not again or (np.abs(moved[teaching]) < 0.1 * np.sqrt(left[teaching])).all():
             break
         before = found.estimate.copy()
         before[len(before) - prior.along :] = 0.0  # the bias along the tool is counted as noise, here as elsewhere
-        off = at.effects @ before
-        c, s = np.cos(level.toolface), np.sin(level.toolface)
-        own = np.stack([c * off[:, 0] + s * off[:, 1], c * off[:, 1] - s * off[:, 0], off[:, 2]], axis=1)
-        stations = replace(raw, rate=raw.rate - EARTH_RATE * own)
+        off, _ = to_high_side(at.effects @ before, np.zeros_like(cov), -level.toolface)
+        stations = replace(raw, rate=raw.rate - EARTH_RATE * off)
         known = expected(stations)
         joint = solve("joint", stations, known)
-    alone = known.before_sd if known.track is None else None
-    return stations, known, joint, AxisEffect(at, found, alone)
+    return stations, known, joint, found

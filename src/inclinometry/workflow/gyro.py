@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from inclinometry.errors import FileError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
-from inclinometry.gyro.axes import AxisPrior, axis_prior, corrected_run
+from inclinometry.gyro.axes import axis_prior, corrected_run
 from inclinometry.gyro.closed_form import tilt, upward
 from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.gyro.north import to_high_side
@@ -162,18 +163,18 @@ def north_run(
     _check_history(chosen.history, readings, calibration)
     averages, stations = _averaged(readings, site, calibration, chosen)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
-    prior = _axis_prior(averages, calibration, chosen)
+    triad = None if calibration is None else calibration.tool.triads["gyro"]
+    pairs = chosen.scheme == "two"
+    prior = axis_prior(chosen.misalignment, chosen.g_sensitivity, averages, triad, pairs=pairs)
     known = _expected(stations, averages, heat, chosen)
     found = {"joint": solve("joint", stations, known)}
     checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels, prior)
     effect = None
     if prior is not None:
-
-        def expected(corrected: Stations) -> ScalePrior:
-            return _expected(corrected, averages, heat, chosen)
-
-        stations, known, joint, effect = corrected_run(stations, averages, prior, known, found["joint"], expected)
-        found["joint"] = joint
+        expected = partial(_expected, averages=averages, heat=heat, options=chosen)
+        stations, known, found["joint"], effect = corrected_run(
+            stations, averages, prior, known, found["joint"], expected
+        )
     found |= {method: solve(method, stations, known) for method in METHODS[1:]}
     if effect is not None:
         found = {method: effect.counted(one) for method, one in found.items()}
@@ -200,7 +201,7 @@ def north_run(
         *averages.gravity.findings,
         *averages.rate.findings,
         *gravity_scale(stations),
-        *_axes_note(north, chosen, calibration),
+        *_axes_note(north, chosen),
         *(
             Finding("gyro-misfit-station", {"station": readings.labels[n]}, (int(n),))
             for n in np.flatnonzero(disturbed)
@@ -255,22 +256,7 @@ def _averaged(
     return averages, stations
 
 
-def _axis_prior(averages: Averages, calibration: Calibration | None, options: GyroOptions) -> AxisPrior | None:
-    """What is known of the axes of the gyros."""
-    triad = None if calibration is None else calibration.tool.triads["gyro"]
-    three = bool(np.isfinite(averages.rate.field[:, 2]).any())
-    return axis_prior(
-        options.misalignment,
-        options.g_sensitivity,
-        max(averages.rate.bias.shape[1] - three, 1),
-        float(np.max(averages.rate_bias)) if three else None,
-        pairs=options.scheme == "two",
-        calibrated=triad is not None,
-        g_calibrated=triad is not None and triad.g_sensitivity is not None,
-    )
-
-
-def _axes_note(north: North, options: GyroOptions, calibration: Calibration | None) -> list[Finding]:
+def _axes_note(north: North, options: GyroOptions) -> list[Finding]:
     """What unstated axes of the gyros cost in this run."""
     if "gyro axes" not in north.components or None not in (options.misalignment, options.g_sensitivity):
         return []
