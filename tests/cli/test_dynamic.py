@@ -232,4 +232,5 @@ try:
 except KeyboardInterrupt:
     print("heard")
 """
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "heard\n"
+    told = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert told == "heard\n"
