@@ -185,7 +185,7 @@ class TextTable:
         self.north: str | None = None
         self.second = 0
         self._other: Finding | None = None
-        self.quick: Callable[[str], list[Cells] | None] | None = None
+        self.quick: Callable[[str, list[str]], list[Cells] | None] | None = None
         blocks = (_prefixed(block, given.prefix) for block in blocks) if given.prefix else blocks
         first = next(blocks, None)
         self._blocks = blocks if first is None else chain([first], blocks)
@@ -267,7 +267,10 @@ class TextTable:
                     continue
                 self.line = number
                 rest = row + (profile.header or profile.units_row)
-                self._blocks = chain([Block(block.first + rest, block.lines[rest:])], self._blocks)
+                # the first rows by themselves: in them a decimal point is met
+                ends = (rest, rest + LOOKED), (rest + LOOKED, None)
+                parts = [Block(block.first + i, lines) for i, j in ends if (lines := block.lines[i:j]) or i == rest]
+                self._blocks = chain(parts, self._blocks)
                 return
 
     def _plain_names(self, line: Any, number: int) -> None:
@@ -293,12 +296,12 @@ class TextTable:
 
     def _quickly(self, block: Block) -> Piece | None:
         lines = block.lines
-        if self.quick is None or self.mark == " " or not isinstance(lines[0], str):
+        if self.quick is None or not isinstance(lines[0], str):
             return None
         text = "\n".join(lines)
-        if '"' in text or "#" in text or "\n\n" in text or (self.mark != "," and "," in text) or not text.strip():
+        if '"' in text or "#" in text or (self.mark in ";\t" and "," in text) or not text.strip():
             return None
-        columns = self.quick(text)
+        columns = self.quick(text, lines)
         start = int(lines[0] == "")
         rows = len(lines) - (lines[-1] == "") - start
         if columns is None or any(len(cells) not in (0, rows) for cells in columns):
