@@ -43,7 +43,7 @@ def casing_movement(
 ) -> Movement:
     """Displacement of a casing at each later reading since the base reading; parameters as `displacement`.
 
-    A file may hold the readings of several dates, the first of which is the base; `sensors` as in `read_casing`.
+    A file may hold the readings of several dates; the first is the base; `sensors` as in `read_casing`.
 
     Raises
     ------
