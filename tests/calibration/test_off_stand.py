@@ -1,4 +1,4 @@
-"""Readings off the stand: the errors they leave, their scatter, one that is wrong; files and commands that have them."""
+"""Readings off the stand: the errors they leave, their scatter, one that is wrong; files and commands."""
 
 import json
 from dataclasses import replace

@@ -58,8 +58,8 @@ def calibrate_joint(
         between the magnetic field and gravity, so the stand need not be level. Without it dip and north decide signs,
         and are believed only where the plan itself cannot tell. A north no better than 30 degrees decides signs only.
     off_scatter : mapping of kind to float, optional
-        Standard deviation of a component of the field in the readings off the stand, in units of the field. Estimated
-        when not given.
+        Standard deviation of a component of the field in the readings off the stand, in units of the field. Default:
+        estimated.
     temperature_degree : int, optional
         Degree of the polynomial in temperature. Default: chosen by information criterion.
     robust : bool

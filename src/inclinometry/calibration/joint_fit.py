@@ -203,7 +203,9 @@ def with_off_stand(begun: Start, fitted: Fitted) -> Fitted:
     powers = powers_of(heat, begun.reference_temperature, model.powers.shape[1] - 1)
     stated = [begun.off_scatter.get(kind) for kind in VECTORS]
     tried = tuple(grid if sd is None else np.array([sd]) for grid, sd in zip(GRID, stated, strict=True))
-    apart = OffStand(off.channels, powers, np.array([one[len(one) // 2] for one in tried]), np.ones(len(off)), tried)
+    apart = OffStand(
+        off.channels, powers, np.array([one[len(one) // 2] for one in tried]), np.full(len(off), 1.0), tried
+    )
     model = replace(model, off_stand=apart)
     for _ in range(2):
         fitted = fit_with_variances(model, state, begun.free_noise, begun.free_rig)
@@ -222,7 +224,7 @@ def off_stand_linear(fitted: Fitted, apart: OffStand) -> tuple[OffLinear, Array,
 
 
 def off_stand_findings(begun: Start, fitted: Fitted) -> tuple[list[Finding], dict[str, float]]:
-    """What the readings off the stand say of themselves; kind -> scatter of a component in units of its field."""
+    """Findings about the readings off the stand; kind -> scatter of a component in units of its field."""
     off, apart = begun.readings.off_stand, fitted.model.off_stand
     if off is None or apart is None:
         return [], {}

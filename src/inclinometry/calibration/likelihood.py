@@ -305,9 +305,9 @@ class Model:
         return np.asarray(covariance)
 
     def field_rows(self, state: State) -> tuple[Array, Array, Array]:
-        """What is known beside the stations: found minus known (n,), derivatives (n, p), standard deviation (n,).
+        """Known angles and readings off the stand: found minus known (n,), derivatives (n, p), standard deviation (n,).
 
-        Angles of the fields, rad; what the readings off the stand say, white.
+        Angles in rad; readings off the stand are white.
         """
         _, tangent, _, width = self.columns()
         off: list[float] = []
@@ -338,7 +338,7 @@ class Model:
         if self.off_stand is None:
             return found
         apart = self.off_stand.linear(state.coefficients, self.columns()[0], width).known(self.off_stand.weight)
-        more = (*apart, np.ones(len(apart[0])))
+        more = (*apart, np.full(len(apart[0]), 1.0))
         first, second, third = (np.concatenate(pair) for pair in zip(found, more, strict=True))
         return first, second, third
 

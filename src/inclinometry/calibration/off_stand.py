@@ -1,4 +1,4 @@
-"""Readings off the stand: the tool in attitudes that nobody reads, where |g|, |b| and g.b are the same in all.
+"""Readings off the stand: the tool in attitudes that no dial reads; |g|, |b| and g.b are the same in all.
 
     |N_a^-1 (y_a - U_a)| = 1,   |N_m^-1 (y_m - U_m)| = l,   their product = l sin(dip)
 
@@ -40,13 +40,13 @@ class OffStand:
     tried: tuple[Array, Array] = GRID
 
     def linear(self, coefficients: Mapping[str, Array], columns: Mapping[str, slice], width: int) -> OffLinear:
-        """What each reading says of the tool, linearised."""
+        """The readings at a state of the tool, linearised."""
         fields, slopes = {}, {}
         for kind in (k for k in VECTORS if k in self.signals):
             values = np.tensordot(self.powers, coefficients[kind], axes=1)
             inverse = np.linalg.pinv(values[..., :3])
             field = (inverse @ (self.signals[kind] - values[..., 3])[..., None])[..., 0]
-            regressor = self.powers[:, :, None] * np.append(field, np.ones((len(field), 1)), axis=1)[:, None, :]
+            regressor = self.powers[:, :, None] * np.append(field, np.full((len(field), 1), 1.0), axis=1)[:, None, :]
             slope = np.zeros((len(field), 3, width))
             # N df = dy - dN f - dU
             own = -inverse[:, :, None, :, None] * regressor[:, None, :, None, :]
@@ -99,15 +99,15 @@ class OffLinear(NamedTuple):
         return np.asarray(np.einsum("khci,c,kjci->khj", self.along, scatter**2, self.along))
 
     def misfit(self, scatter: Array, covariance: Array, estimate: Array) -> tuple[float, int]:
-        """Chi-square of the readings against a scatter, beside what the stand says, and its degrees of freedom."""
+        """Chi-square of the readings at a scatter, with the stand's own result, and its degrees of freedom."""
         alone = self._replace(scatter=scatter)
-        off, rows = alone.known(np.ones(len(self.off)))
+        off, rows = alone.known(np.full(len(self.off), 1.0))
         left = off + rows @ estimate
         own = np.linalg.solve(np.eye(len(off)) + rows @ covariance @ rows.T, left)
         return float(left @ own), len(off) - int(self.free.any(axis=(0, 1)).sum())
 
     def solve(self, scatter: Array, covariance: Array, estimate: Array) -> Solution:
-        """The solution at a scatter, beside what the stand says: parameters (p,) and their covariance.
+        """The solution at a scatter together with the stand's own result (estimate, covariance).
 
         Restricted likelihood of r = off + rows x + free z + e, z flat, e of Student's distribution: its weights by
         iteration, what is not known of x in them.
@@ -117,7 +117,7 @@ class OffLinear(NamedTuple):
         free = free[:, free.any(axis=0)]
         carried = covariance @ rows.T
         inner, r = rows @ carried, self.off.ravel() + rows @ estimate
-        weight = np.ones(count)
+        weight = np.full(count, 1.0)
         place = np.arange(count)
         whole = np.zeros((count, size, count, size))
         whole[place, :, place] = spread

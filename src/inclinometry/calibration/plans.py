@@ -20,7 +20,7 @@ PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotat
 class Plan(Tabular):
     """Rig settings in order, rad. `roll_set` names stations that differ in toolface only.
 
-    off_stand : further attitudes, in which the tool is held away from the stand.
+    off_stand : further attitudes, away from the stand.
     """
 
     name: str

@@ -23,11 +23,11 @@ class Constants(NamedTuple):
 
     name: str
     columns: Array  #: (K, M, n) what each does to the readings, by rad or in units of the field
-    size: float  #: that one usually has
+    size: float  #: usual size of each
 
 
 def stand_constants(fitted: Fitted) -> Iterator[Constants]:
-    """The constant errors that a stand may have besides those that are fitted; of stated dials only the axes."""
+    """The constant errors that a stand may have and that are not fitted already; of stated dials only the axes."""
     model, state, at = fitted.model, fitted.state, fitted.at
     steps = wrap_signed(np.diff(model.settings, axis=0, prepend=model.settings[:1]))
     sense = np.sign(steps)

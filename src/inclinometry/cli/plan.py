@@ -111,8 +111,8 @@ def plan(
         told |= {"off_stand": len(whole.off_stand)} if whole.off_stand else {}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
-    beside = f" and {output.counted(len(whole.off_stand), 'attitude')} off the stand" if whole.off_stand else ""
-    output.print_line(f"{found.name}: {output.counted(len(whole), 'station')}{beside} written to {output_}")
+    away_too = f" and {output.counted(len(whole.off_stand), 'attitude')} off the stand" if whole.off_stand else ""
+    output.print_line(f"{found.name}: {output.counted(len(whole), 'station')}{away_too} written to {output_}")
     if gain:
         output.print_line(f"  {output.counted(repeats, 'position')} visited once more at the end: {gain}")
 

@@ -163,8 +163,8 @@ def bench(
     output.findings(readings.findings)
     told = {"stations": len(readings), "output": output_, "truth": truth}
     off = readings.off_stand
-    beside = f" and {output.counted(len(off), 'reading')} off the stand" if off else ""
-    _done(output.counted(len(readings), "station") + beside, json, told | ({"off_stand": len(off)} if off else {}))
+    more = f" and {output.counted(len(off), 'reading')} off the stand" if off else ""
+    _done(output.counted(len(readings), "station") + more, json, told | ({"off_stand": len(off)} if off else {}))
 
 
 def well(

@@ -36,7 +36,7 @@ from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.tabular import channel_columns, check_record
 
 PARTS: Final = ("stand", "off")
-"""Cells of the column `part`: on the stand, or away from it in an attitude that nobody reads."""
+"""Cells of the column `part`: on the stand, or away from it, where no dial is read."""
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -51,7 +51,7 @@ def read_plan(path: str | Path) -> Plan:
 
 
 def _parts(table: Frame) -> tuple[Frame, Frame | None]:
-    """Rows on the stand, and those off it, where the column `part` says so."""
+    """Rows on the stand, and rows off it by the column `part`."""
     part = table.text("part") if "part" in table else ()
     other = next((row for row, cell in enumerate(part) if cell not in PARTS), None)
     if other is not None:
@@ -60,7 +60,7 @@ def _parts(table: Frame) -> tuple[Frame, Frame | None]:
     off = np.array([cell == PARTS[1] for cell in part], dtype=bool)
     stand, free = (table.rows(~off), table.rows(off)) if off.any() else (table, None)
     if not len(stand):
-        raise table.error(Finding("input-needs", {"name": "part off", "needed": ("part stand",)}))
+        raise table.error(Finding("bench-no-angles"))
     for name in (name for name in ANGLES if name in stand):
         if (empty := np.isnan(stand.number(name))).any():
             raise stand.error(Finding("table-empty", {"column": name}), int(np.argmax(empty)))

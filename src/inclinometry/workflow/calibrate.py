@@ -165,7 +165,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         nuisance = {"inclination_zero": options.inclination_zero_sd}
         nuisance |= {"outer_nonorthogonality": skew, "inner_nonorthogonality": skew}
         if options.off_stand_scatter is not None:
-            for needed, there in (("part off", readings.off_stand), ("reference_b_nT", readings.reference.get("b"))):
+            for needed, there in (("part", readings.off_stand), ("reference_b_nT", readings.reference.get("b"))):
                 if there is None:
                     raise refused("input-needs", {"name": "--off-stand-scatter-nT", "needed": (needed,)})
             stand["off_scatter"] = {"magnetometer": options.off_stand_scatter / readings.reference["b"]}
