@@ -194,7 +194,10 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
 def with_off_stand(begun: Start, fitted: Fitted) -> Fitted:
     """The fit with the readings off the stand, and with the constant errors of the stand that they tell apart."""
     off, model, state = begun.readings.off_stand, fitted.model, fitted.state
-    if off is None:
+    # two sensors do not give the length of a field
+    full = [kind for kind in VECTORS if kind in state.coefficients and state.coefficients[kind].shape[1] > 2]
+    channels = {} if off is None else {kind: off.channels[kind] for kind in full if kind in off.channels}
+    if off is None or not channels:
         return fitted
     for one in stand_constants(fitted):
         count = one.columns.shape[2]
@@ -202,10 +205,9 @@ def with_off_stand(begun: Start, fitted: Fitted) -> Fitted:
     heat = np.full(len(off), begun.reference_temperature) if off.temperature is None else off.temperature
     powers = powers_of(heat, begun.reference_temperature, model.powers.shape[1] - 1)
     stated = [begun.off_scatter.get(kind) for kind in VECTORS]
-    tried = tuple(grid if sd is None else np.array([sd]) for grid, sd in zip(GRID, stated, strict=True))
-    apart = OffStand(
-        off.channels, powers, np.array([one[len(one) // 2] for one in tried]), np.full(len(off), 1.0), tried
-    )
+    tried = [grid if sd is None else np.array([sd]) for grid, sd in zip(GRID, stated, strict=True)]
+    middle = np.array([one[len(one) // 2] for one in tried])
+    apart = OffStand(channels, powers, middle, np.full(len(off), 1.0), tried)
     model = replace(model, off_stand=apart)
     for _ in range(2):
         fitted = fit_with_variances(model, state, begun.free_noise, begun.free_rig)
@@ -230,10 +232,10 @@ def off_stand_findings(begun: Start, fitted: Fitted) -> tuple[list[Finding], dic
         return [], {}
     from scipy.special import chdtrc
 
-    linear, *stand = off_stand_linear(fitted, apart)
-    found = average(linear, *stand, GRID)
+    linear, covariance, step = off_stand_linear(fitted, apart)
+    found = average(linear, covariance, step, GRID)
     said, far = list[Finding](), np.flatnonzero(apart.weight < 0.2)
-    chi, freedom = linear.misfit(apart.scatter, *stand)
+    chi, freedom = linear.misfit(apart.scatter, covariance, step)
     if begun.off_scatter and chdtrc(freedom, chi) < 0.01:
         place = max(map(VECTORS.index, begun.off_scatter), key=lambda at: found.scatter[at] / apart.scatter[at])
         values: dict[str, Value] = {"kind": VECTORS[place], "found_percent": 100.0 * float(found.scatter[place])}

@@ -9,7 +9,7 @@ attitude and field scatter there is estimated, never taken from the sensors' noi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, NamedTuple
@@ -37,11 +37,11 @@ class OffStand:
     powers: Array
     scatter: Array
     weight: Array
-    tried: tuple[Array, Array] = GRID
+    tried: Sequence[Array] = GRID
 
     def linear(self, coefficients: Mapping[str, Array], columns: Mapping[str, slice], width: int) -> OffLinear:
         """The readings at a state of the tool, linearised."""
-        fields, slopes = {}, {}
+        fields, slopes = dict[str, Array](), dict[str, Array]()
         for kind in (k for k in VECTORS if k in self.signals):
             values = np.tensordot(self.powers, coefficients[kind], axes=1)
             inverse = np.linalg.pinv(values[..., :3])
@@ -52,7 +52,7 @@ class OffStand:
             own = -inverse[:, :, None, :, None] * regressor[:, None, :, None, :]
             slope[..., columns[kind]] = own.reshape(*slope.shape[:2], -1)
             fields[kind], slopes[kind] = field, slope
-        off, rows, along = [], [], []
+        off, rows, along = list[Array](), list[Array](), list[Array]()
         count = len(self.powers)
         free = np.zeros((count, 0, 2))
         for place, (kind, field) in enumerate(fields.items()):
@@ -161,7 +161,7 @@ class Average(NamedTuple):
     covariance: Array
 
 
-def average(linear: OffLinear, covariance: Array, estimate: Array, grid: tuple[Array, Array]) -> Average:
+def average(linear: OffLinear, covariance: Array, estimate: Array, grid: Sequence[Array]) -> Average:
     """The solutions averaged over a grid of scatters, each by its likelihood."""
     tried = [np.array(one) for one in product(*grid)]
     found = [linear.solve(one, covariance, estimate) for one in tried]
