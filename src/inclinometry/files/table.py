@@ -325,6 +325,8 @@ class TableFile:
         self.log(f"{len(lines):,} rows", numbers)
         counts = {"table-deleted": self._gone, "table-second-set": 0 if self._text is None else self._text.second}
         left = [Finding(code, {"count": count}, severity="note") for code, count in counts.items() if count]
+        if self._text is not None and (below := self._text.below):
+            left.append(Finding("table-below", {"count": len(below), "line": below[0][2]}, severity="note"))
         return Frame(
             self.path,
             MappingProxyType(columns),
