@@ -153,7 +153,7 @@ def joined_columns(parts: list[Columns]) -> Columns:
 
 
 def bridged(window: Samples) -> Samples:
-    """The window with its missing samples, of which all channels were held, predicted; what is clipped stays marked."""
+    """The window with its missing samples (all channels held) predicted; clipped samples stay marked."""
     if window.clipped is None or not window.clipped.any():
         return window
     triads = {name: getattr(window, name) for name in CHANNELS if window.has(name)}
@@ -206,7 +206,7 @@ LOW_WEIGHT: Final = 0.1
 class Row(NamedTuple):
     """One row as the passes see it; matrix and covariance are None where it was refused.
 
-    covariance : of what is its own. common : (3, 3) of what it shares with other rows, 0 where that is not told apart.
+    covariance : its own part. common : (3, 3) the part shared with other rows, 0 where a method does not separate it.
     """
 
     time: float
@@ -240,7 +240,7 @@ class Row(NamedTuple):
 class Belief:
     """Frame of the hole, its rate of turn (2,) rad/s in it, and the covariance (4, 4) of offset and rate.
 
-    common : (2, 2) of the offset by what rows share; it does not average out and is not in the covariance.
+    common : (2, 2) the offset's shared part; it does not average out and is not in the covariance.
     """
 
     time: float

@@ -269,9 +269,9 @@ class _Followed:
     def _surer(self, found: Attitude) -> Attitude:
         whole = joined(self._own)
         own, self._own = taken(whole, slice(0, len(found))), [taken(whole, slice(len(found), None))]
-        doubted = found.flags & np.uint32(BITS["misfit"] | BITS["start"]) & ~own.flags > 0
+        suspect = found.flags & np.uint32(BITS["misfit"] | BITS["start"]) & ~own.flags > 0
         u, other = own.u, found.u
-        better = self._turns(own) & ~doubted & (other.azimuth <= u.azimuth) & (other.inclination <= u.inclination)
+        better = self._turns(own) & ~suspect & (other.azimuth <= u.azimuth) & (other.inclination <= u.inclination)
         names = ("quaternion", "covariance", "common", "method")
         columns = {name: getattr(own, name).copy() for name in names}
         for name, column in columns.items():
