@@ -368,7 +368,7 @@ def right_survey() -> Iterator[Case]:
             hole, table, files = raw(kind, 5 + len(quality), *quality)
             way = slice(None, None, 1 if quality else -1)
             files["f.csv"] = text({n: v[way] for n, v in table.items()})
-            yield Case(f"{name}, {kind}", COUNTS, files, of_angles(*(v[way] for v in hole[1:])))
+            yield Case(f"{name}, {kind}", COUNTS, files, of_angles(*hole[1:]))
     runs.append(("magnetic pole", six("J", "pole", 140), "pole", "", True))
     hole, table = six("J", "north sea", 141)
     table["bz_nT"][:5] += [9000, 5000, 2500, 900, 300]
