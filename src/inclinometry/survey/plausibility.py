@@ -531,14 +531,14 @@ def _fitted(square: Array, designs: Array) -> tuple[float, int, Array, Array]:
     k, n, p = designs.shape
     designs = square[:, None] * designs  # relative residuals
     across, ridge = designs.swapaxes(1, 2), 1e-9 * np.eye(p)  # what no station tells apart is left at zero
-    models = np.linalg.solve(across @ designs + ridge, across @ np.ones((n, 1)))
+    models = np.linalg.solve(across @ designs + ridge, across.sum(axis=2, keepdims=True))
     best = int(np.argmin(np.sum((1.0 - (designs @ models)[:, :, 0]) ** 2, axis=1)))
     design, model = designs[best], models[best, :, 0]
     for _ in range(6):
         rest = 1.0 - design @ model
         scale = 1.4826 * float(np.median(np.abs(rest))) * float(np.sqrt(n / max(n - p, 1))) + 2e-4
         off = 1.0 + (rest / scale) ** 2 / 3.0
-        model = np.linalg.solve(design.T / off @ design + ridge, design.T / off @ np.ones(n))
+        model = np.linalg.solve(design.T / off @ design + ridge, (design.T / off).sum(axis=1))
     value = 4.0 * float(np.sum(np.log(off))) + 2.0 * n * float(np.log(scale)) + (p + (k > 1)) * float(np.log(n))
     return value, best, model, 1.0 - design @ model
 
