@@ -120,6 +120,7 @@ class Options:
 
     rig_sd : of a setting of any dial. north : azimuth of the rig's zero from magnetic north.
     accel_step and so on : of the converter in the unit of the signals. 0 for none. Default: found.
+    off_stand_scatter : of a component of the magnetic field in readings off the stand, nT. Default: estimated.
     specific_force : the accelerometer reads -g at rest; for methods without a rig, which cannot find it.
     left_handed : the channels are left-handed, not the dials reversed; for methods with a rig.
     """
@@ -144,12 +145,15 @@ class Options:
     accel_step: float | None = None
     mag_step: float | None = None
     gyro_step: float | None = None
+    off_stand_scatter: float | None = None
 
 
 def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Calibration:
     """Calibrate with a method by name; an option the method cannot use is refused, never ignored."""
     run = method(method_name)
     refuse_unused(method_name, options)
+    if readings.off_stand is not None and method_name != "joint":
+        raise refused("input-not-with", {"name": "part", "other": f"--method {method_name}"})
     if method_name in ("field", "norm"):
         return run(readings, specific_force=options.specific_force, name=options.name)
     overruled = []
@@ -162,6 +166,11 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         skew = options.nonorthogonality_sd
         nuisance = {"inclination_zero": options.inclination_zero_sd}
         nuisance |= {"outer_nonorthogonality": skew, "inner_nonorthogonality": skew}
+        if options.off_stand_scatter is not None:
+            for needed, there in (("part", readings.off_stand), ("reference_b_nT", readings.reference.get("b"))):
+                if there is None:
+                    raise refused("input-needs", {"name": "--off-stand-scatter-nT", "needed": (needed,)})
+            stand["off_scatter"] = {"magnetometer": options.off_stand_scatter / readings.reference["b"]}
         stand |= {
             "nuisance_sd": {name: sd for name, sd in nuisance.items() if sd is not None},
             **{name: getattr(options, name) for name in ("temperature_degree", "robust", "left_handed")},
