@@ -1,4 +1,4 @@
-"""False movement of a casing: bias, turned axes, shifted depths, sensitivity between two readings, told from real ones.
+"""False movement of a casing, told from movement: bias, turned axes, shifted depths, sensitivity between two readings.
 
 The change of a step is the sum of these errors, movement and noise. Movement is a walk along the casing from the end
 that is fixed, rough or smooth, with jumps (a block that tilts) and single steps (a shear zone) where data need them.
@@ -23,7 +23,7 @@ _FIXED: Final = 5
 _WALKS: Final = ((0, 0.0), *((1, 10.0**k) for k in range(-3, 3)), *((2, 10.0**k) for k in range(-6, 2)))
 """How often noise is summed to make a movement, and its variance over that of a step's noise."""
 _PART: Final = 8.0
-"""Log-likelihood that a sensitivity has to gain besides: any part may have it, and walls bend as casings do."""
+"""Log-likelihood that a sensitivity has to gain in addition: any part may have it, and walls bend as casings do."""
 _DRIFT: Final = 5e-4
 """Usual change of a check-sum, as a sine, of a bias that drifts alike in both runs between readings: no error."""
 
@@ -111,9 +111,9 @@ def _agreement(lean: float, sums: float, u: float) -> float:
 
 
 def _of_part(change: Array, mean: Array, axis: int) -> Array:
-    """The mean of one axis (k, n) over all steps, or those on one side, to which its change is most in proportion."""
+    """The mean of one axis (k, n) over all steps, or a side, whichever is most in proportion to its change."""
     n = mean.shape[1]
-    parts = np.array([np.ones(n), *np.tri(n)[4:-4:4], *np.tri(n).T[4:-4:4]]) * mean[axis]
+    parts = np.array([np.full(n, 1.0), *np.tri(n)[4:-4:4], *np.tri(n).T[4:-4:4]]) * mean[axis]
     gain = (parts @ change[axis]) ** 2 / np.maximum(np.sum(parts**2, axis=1), 1e-300)
     gain[0] *= 1.05  # a part has to explain more
     return np.asarray(np.where(np.arange(len(mean))[:, None] == axis, parts[int(gain.argmax())], 0.0))

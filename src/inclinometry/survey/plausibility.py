@@ -484,7 +484,7 @@ def _step(run: Run) -> list[Finding]:
         u, square = values / length[:, None], (length / np.median(length)) ** 2
         if (before := _spread(np.sqrt(square))) < 0.0025:
             continue
-        one, late = np.ones((n, 1)), np.tri(n).T[: n - 3, :, None]
+        one, late = np.full((n, 1), 1.0), np.tri(n).T[: n - 3, :, None]
         offsets = np.column_stack([one, u])
         every = np.column_stack([offsets, u[:, :2] ** 2, u * np.roll(u, 1, axis=1)])
         added = {("gain", "x, y, z"): one, ("board", "x, y, z"): every}
@@ -520,7 +520,7 @@ _CHANGES: Final[dict[str, dict[str, Value]]] = {
     "offset": {"what": "another offset"},
     "board": {"what": "other gains and offsets, as of another board or tool"},
 }
-"""What changes besides a gain."""
+"""What else than a gain may change."""
 
 
 def _fitted(square: Array, designs: Array) -> tuple[float, int, Array, Array]:
