@@ -112,7 +112,7 @@ def north(
     gyro_misalignment
         Standard deviation of each gyro axis toward each other axis. Default: 0.2; calibrated gyros: 0.
     g_sensitivity
-        Standard deviation of what 1 g along each axis adds to a gyro. Default: 0.1; calibrated g-sensitivity: 0.02.
+        Standard deviation: output of a gyro for 1 g along each axis. Default: 0.1; calibrated g-sensitivity: 0.02.
     sweep
         Angle turned while one reading is averaged (carousel).
     errors
@@ -190,7 +190,7 @@ def scale(
     gyro_misalignment
         Standard deviation of each gyro axis toward each other axis. Default: 0.2; calibrated gyros: 0.
     g_sensitivity
-        Standard deviation of what 1 g along each axis adds to a gyro. Default: 0.1; calibrated g-sensitivity: 0.02.
+        Standard deviation: output of a gyro for 1 g along each axis. Default: 0.1; calibrated g-sensitivity: 0.02.
     """
     output.check_outputs(
         {"--output": output_, "--report": report},
