@@ -96,7 +96,7 @@ def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
     assert Path("c.json").read_bytes() == bare
     found = files("certificate verify c.pdf c.json --key laboratory.pem")
     assert found.status == 1
-    assert found.out.count("[certificate-unsigned]") == 2
+    assert found.err.count("[certificate-unsigned]") == 2
 
 
 WRONG = [

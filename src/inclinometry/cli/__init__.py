@@ -120,14 +120,10 @@ def _unfit(error: CoercionError) -> InclinometryError | None:
     from inclinometry.cli.general import as_typed
     from inclinometry.errors import not_among, wrong_kind
 
-    if error.token is None:
+    if error.token is None or error.target_type is None or error.msg is not None:
         return None
     name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
     value = as_typed(error.token.value) or '""'
-    if "to float" in str(error.__cause__):  # Python's words for a text that is no number
-        return wrong_kind(name, value, "number")
-    if error.target_type is None or error.msg is not None:
-        return None
     kinds: list[Any] = [error.target_type]
     for kind in kinds:  # unions of unions
         kinds += [] if get_origin(kind) is Literal else [part for part in get_args(kind) if part is not type(None)]

@@ -431,12 +431,15 @@ def compare(
     sheet = _data_sheet(data_sheet)
     with output.busy("running every method"):
         found = compare_methods(data, truth=known, options=replace(wishes, data_sheet=sheet))
+    why = {a.method: a.reason._replace(severity="note") for a in found.attempts if a.reason}
+    joint = found.attempts[0].calibration
+    output.findings([*why.values(), *(joint.findings if joint else ())], list(why))
     if json:
         content = [
             {
                 "method": a.method,
                 "applicable": a.calibration is not None,
-                "reason": a.reason.plain() if isinstance(a.reason, Finding) else None,
+                "reason": a.reason,
                 "expected_u_deg": None
                 if a.method not in found.uncertainty
                 else named_degrees(found.uncertainty[a.method]),
@@ -505,13 +508,8 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     if found.error:
         wrong = {method: error[:, 1] for method, error in found.error.items()}
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
-    for attempt in found.attempts:
-        if attempt.calibration is None:
-            why = "" if not isinstance(attempt.reason, Finding) else f"{attempt.reason} [{attempt.reason.code}]"
-            output.print_line(f"{attempt.method}: not applicable. {why}".rstrip())
-    for attempt in found.attempts:
-        if attempt.calibration is not None and attempt.method == "joint":
-            output.findings(attempt.calibration.findings)
+    if out := [a.method for a in found.attempts if a.calibration is None]:
+        output.print_line(f"not applicable: {', '.join(out)}; -v says why")
 
 
 def verify(
@@ -604,7 +602,7 @@ def verify(
             from inclinometry.files.verification_json import write_verification
 
             write_verification(output_, found, bounds, tool)
-    output.findings(without_notes(found.findings))
+    output.findings(found.findings)
     if json:
         output.print_json(_verification(found))
     else:
@@ -739,6 +737,4 @@ def show_verification(found: Verification) -> None:
         rows,
         found.limits_source,
     )
-    for one in only_notes(found.findings):
-        output.print_line(str(one))
     output.print_line(f"{found.judgement}: {'; '.join(said)}")
