@@ -311,7 +311,7 @@ def test_columns_of_casings_and_drill_holes_are_known(run):
     rows = "".join(f"{0.5 * k},{100 + k},{-100 - k},{20 + k},{-20 - k}\n" for k in range(1, 12))
     Path("casing.csv").write_text("depth_m,A0 (sin),A180 (sin),B0 (sin),B180 (sin)\n" + rows.replace("1", "0.001"))
     Path("probe.csv").write_text("depth_m,a0_digi-25000,a180_digi-25000,b0_digi-25000,b180_digi-25000\n" + rows)
-    assert "axis A, run 180" in run("check", "probe.csv").err
+    assert "axis A, run 180" in run("check", "probe.csv").out
     Path("holes.csv").write_text("BHID,Depth (m),Dip (deg),Azimuth (deg)\nA,0,-60,10\nA,30,-59,11\n")
     done = run("check", "holes.csv")
     assert re.search(r"Dip \(deg\) +│ +dip", done.out)

@@ -89,7 +89,7 @@ def test_verify_tells_by_its_status(run, lab, monkeypatch):
     raw.close()
     changed = run("ledger verify --ledger", lab)
     assert changed.status == 1
-    assert "user 1 " in changed.out
+    assert "user 1 " in changed.err
     assert "[ledger-changed]" in changed.err
     run("ledger users --ledger", lab).refused("[ledger-changed]")
     Path("garbage").write_text("garbage" * 500)
@@ -223,7 +223,7 @@ def test_the_ledger_of_another_laboratory_is_verified_by_its_key(run, tmp_path, 
     assert run("ledger verify --ledger theirs.sqlite --key ours.pem").status == 1
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "none"))
     found = run("ledger verify --ledger theirs.sqlite")
-    assert (found.status, "compare it with the laboratory's" in found.out) == (0, True)
+    assert (found.status, "compare it with the laboratory's" in found.err) == (0, True)
 
 
 def test_a_ledger_without_signatures_is_not_proven(run, tmp_path, monkeypatch):

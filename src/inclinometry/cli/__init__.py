@@ -7,6 +7,7 @@ import gc
 import os
 import sys
 import warnings
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -67,13 +68,16 @@ def _run(arguments: list[str]) -> int:
     from cyclopts import CycloptsError
 
     from inclinometry.cli.general import EMPTY, OLD_IGNORE, general
-    from inclinometry.errors import InclinometryError
+    from inclinometry.errors import InclinometryError, SiteError, in_file
 
     try:
         words = [word or EMPTY for word in arguments]
         status = general(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         return _unparsed(error, arguments)
+    except SiteError as error:
+        path = next((value for name, value in pairwise(arguments) if name == "--site"), None)
+        return _refused(error if path is None else in_file(error, path), arguments)
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:

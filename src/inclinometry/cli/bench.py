@@ -429,7 +429,7 @@ def compare(
         raise refused("input-needs", {"name": option, "needed": ("SECOND",)})
     known = None if truth is None else read_tool(truth)
     sheet = _data_sheet(data_sheet)
-    with output.busy("running every method"):
+    with output.reading(readings), output.busy("running every method"):
         found = compare_methods(data, truth=known, options=replace(wishes, data_sheet=sheet))
     why = {a.method: a.reason._replace(severity="note") for a in found.attempts if a.reason}
     joint = found.attempts[0].calibration
@@ -592,9 +592,9 @@ def verify(
         raise refused("input-needs", {"name": "--count", "needed": ("--planned",)})
     with output.reading(readings) as progress:
         data = readings_at(readings, progress=progress, dials=dials.dials())
-    tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
-    where = _other_stand(stand, north, north_sd, level_sd, rig_sd, gravity_sd)
-    found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
+        tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
+        where = _other_stand(stand, north, north_sd, level_sd, rig_sd, gravity_sd)
+        found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
     with output.reported(report, "verification:verification_report", found):
         if output_ is not None:
             if tuple(found.names) != ANGLES:

@@ -140,9 +140,10 @@ def _listed(what: str) -> list[tuple[str, str]]:
         ]
         return [*rows, ("read only", ".gz, .h5, .hdf5, .npz, .mat, .json as tables of columns")]
     if what == "findings":
-        from inclinometry.findings import codes, example
+        from inclinometry.findings import codes, example, say
+        from inclinometry.language import current_language
 
-        return [(code, str(example(code))) for code, one in codes().items() if one.means]
+        return [(code, say(example(code), current_language())) for code, one in codes().items() if one.means]
     if what == "conventions":
         from inclinometry.conventions import CONVENTIONS
 

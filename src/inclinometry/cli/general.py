@@ -86,7 +86,7 @@ def run(
         elif language is not None:
             from inclinometry.language import using_language
 
-            if page is None and words[:1] not in (("demo",), ("explain",)):
+            if page is None and words[:1] not in (("demo",), ("explain",), ("list",)):
                 raise refused("input-needs", {"name": "--language", "needed": (option,)})
             stack.enter_context(using_language(language))
         stack.enter_context(_tables(profile, units, null, sheet))

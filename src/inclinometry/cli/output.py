@@ -23,7 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, in_file, system_reason
+from inclinometry.errors import FileError, InputError, in_file, system_reason
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -238,21 +238,30 @@ def findings(found: Sequence[Finding], files: Sequence[str] = (), *, notes: bool
         errors.print(f"{len(shown) - most} more: -v shows all")
 
 
+OF_DATA: Final = ("allan-", "bench-", "fit-", "gyro-", "motion-", "readings-", "run-", "work-estimate")
+"""Codes of what data refuse."""
+
+
 @contextmanager
 def reading(path: str | Path) -> Iterator[Callable[[int], None] | None]:
-    """Progress, by bytes read, of a file that takes a while; nothing for a small one or without a terminal."""
+    """Progress, by bytes read, of a file that takes a while; what its data refuse within names it."""
     try:
         size = Path(path).stat().st_size
     except OSError:
         size = 0
-    if size < 5_000_000:
-        yield None
-        return
-    from rich.progress import Progress
+    try:
+        if size < 5_000_000:
+            yield None
+            return
+        from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(f"reading {Path(path).name}"), total=size)
-        yield lambda done: bar.update(task, completed=done)
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(escape(f"reading {Path(path).name}"), total=size)
+            yield lambda done: bar.update(task, completed=done)
+    except InputError as error:
+        if isinstance(error, FileError) or not error.finding.code.startswith(OF_DATA):
+            raise
+        raise in_file(error, path) from None
 
 
 @contextmanager

@@ -151,7 +151,7 @@ def msa(
         run = read_six_axis(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
-    with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
+    with output.reading(raw), output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = six_axis.msa(run, priors or "iscwsa", axial_sigma)
     beside = {"tool": done.correction.tool, "findings": run.findings, "inputs": run.inputs}
     with output.reported(report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside):

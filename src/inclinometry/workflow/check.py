@@ -26,7 +26,7 @@ from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import foreign_pieces
 from inclinometry.files.frame import Frame
-from inclinometry.files.holes_csv import hole_column
+from inclinometry.files.holes_csv import hole_column, read_collars
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
@@ -134,7 +134,7 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         few: dict[str, Value] = {"name": "rests", "count": seen.rests, "least": LEAST_ROTATIONS + 1}
         uses[_BY_HAND] = Finding("input-few", few, severity="refused")
-    found = (*findings, *notes, *(one for one in seen.findings if one not in notes))
+    found = (*findings, *(one for one in seen.findings if one not in notes), *notes)
     return Look(layout, rows, columns, seen.candidates, uses, _draft(profile, columns), found)
 
 
@@ -302,7 +302,9 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
         here = units[names[0]]
         stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
         if what != "gyro" and not stated:
-            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)
+            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)[: here is not None]
+            if not fits:
+                continue
             length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": fits}
             notes.append(Finding("check-length", length, severity="note"))
     return notes
@@ -443,7 +445,7 @@ _BY_HAND: Final = "calibrate --method hand-rotations"
 _VERIFY: Final = "verify"
 _RAW: Final = "survey --calibration"
 _SIX_AXES: Final = "survey, quality, msa"
-_READERS: Final[dict[str, Callable[[Path], None]]] = {
+_READERS: Final[dict[str, Callable[[Path], object]]] = {
     "calibrate": _calibrated,
     "calibrate --method norm": _norm,
     _BY_HAND: _by_hand,
@@ -457,6 +459,7 @@ _READERS: Final[dict[str, Callable[[Path], None]]] = {
     "allan": _even,
     "displacement": _casing,
     "holes": _holes,
+    "holes --collars": read_collars,
 }
 
 

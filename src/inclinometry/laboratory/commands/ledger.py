@@ -95,7 +95,7 @@ def verify(
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
         public = () if key is None else read_public(key).keys
         found = verify_ledger(opened, head=noted, public=public, copy=copy, progress=progress)
-    output.findings((*found.faults, *found.silent, *found.findings))
+    output.findings((*found.faults, *found.silent, *found.findings), notes=True)
     if json:
         plain = {
             name: getattr(found, name)
