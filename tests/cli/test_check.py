@@ -183,7 +183,7 @@ def test_a_code_is_explained(run):
     done = run("explain", "run-depth-digit")
     assert done.out.startswith("run-depth-digit: ")
     assert "Found: " in done.out
-    assert "--ignore run-depth-digit or its group depths" in done.out
+    assert "--ignore run-depth-digit or --ignore depths" in done.out
     entry = run("explain run-depth-digit --json").json
     assert (entry["code"], entry["group"]) == ("run-depth-digit", "depths")
     assert set(entry["example"]) == {"course_m", "md_m", "expected_m"}
