@@ -31,7 +31,7 @@ bench-demo: $(STAMP)
 	mkdir -p demo-output
 	$(BIN)/inclinometry bench --demo --ledger demo-output/bench.sqlite
 
-# what a change is held against while it is made: minutes; COVERAGE=1 measures that of the mathematics
+# what a change is held against while it is made: minutes; COVERAGE=1 holds that of the mathematics, a fifth slower
 MATHEMATICS := earth sensors calibration gyro survey simulate arrays rotations orientation wahba channels conventions allan uncertainty least_squares
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m "not long" $(if $(COVERAGE),$(MATHEMATICS:%=--cov=inclinometry.%) --cov-report=)

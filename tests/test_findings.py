@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 from string import Formatter
 
@@ -21,45 +22,46 @@ def fields(text):
     return {(name, spec) for _, name, spec, _ in Formatter().parse(text) if name is not None}
 
 
+@cache
 def texts():
-    """Modules that make findings -> their texts; codes and names of values are written out, never put together."""
+    """The texts of each module that makes findings; codes and names of values are written out, never put together."""
+    found = []
     for path in SOURCES.rglob("*.py"):
         source = path.read_text("utf-8")
         if re.search(r"inclinometry\.findings import|errors import .*\brefused\b", source):
             constants = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
-            yield str(path), {node.value for node in constants if isinstance(node.value, str)}
+            found.append({node.value for node in constants if isinstance(node.value, str)})
+    return found
 
 
-TEXTS = dict(texts())
-
-
-@pytest.mark.parametrize("code", CODES)
-def test_a_code_is_whole(code):
-    assert re.fullmatch(r"[a-z]+(-[a-z]+)+", code)
-    one = rule(code)
-    phrase = not one.means  # a part of other sentences
-    assert all(len(re.sub(r"\{[^}]*\}", "value", text).split()) <= 35 for text in one.sentences), code
-    assert phrase or (one.do and one.found), code
-    for sentence in one.sentences:
-        assert phrase or sentence.endswith((".", "{finding}", "{finding:whole}")), sentence
-        # plain English: sentences of 25 words, a value and its unit one word
-        assert all(len(part.split()) <= 27 for part in re.split(r"(?<=[.:])\s", sentence)), sentence
-        assert {name for name, _ in fields(sentence)} <= set(one.example), sentence
+@pytest.mark.parametrize("name", rooms())
+def test_codes_are_whole(name):
+    for code, one in room(name).items():
+        assert re.fullmatch(r"[a-z]+(-[a-z]+)+", code)
+        phrase = not one.means  # a part of other sentences
+        assert all(len(re.sub(r"\{[^}]*\}", "value", text).split()) <= 35 for text in one.sentences), code
+        assert phrase or (one.do and one.found), code
+        for sentence in one.sentences:
+            assert phrase or sentence.endswith((".", "{finding}", "{finding:whole}")), sentence
+            # plain English: sentences of 25 words, a value and its unit one word
+            assert all(len(part.split()) <= 27 for part in re.split(r"(?<=[.:])\s", sentence)), sentence
+            assert {field for field, _ in fields(sentence)} <= set(one.example), sentence
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("code", CODES)
-def test_a_code_is_said_in_every_language(code, language):
-    said = say(example(code), language)
-    assert "{" not in said
-    assert not re.search(r"\d( [^\W\d]+| %|°)\1(?!\w)", said), said  # a unit said twice
-    if language == "en":
-        return
-    messages = entries(_read(f"{code.partition('-')[0]}.{language}.po"))
-    translations = messages[f"{code}\x04" + "\0".join(rule(code).sentences)]
-    assert len(translations) == (1 if len(rule(code).says) == 1 else {"ru": 3, "zh": 1}[language])
-    for text in translations:
-        assert fields(text) == fields(rule(code).sentences[-1]), text
+@pytest.mark.parametrize("name", rooms())
+def test_codes_are_said_in_every_language(name, language):
+    messages = {} if language == "en" else entries(_read(f"{name}.{language}.po"))
+    for code, one in room(name).items():
+        said = say(example(code), language)
+        assert "{" not in said
+        assert not re.search(r"\d( [^\W\d]+| %|°)\1(?!\w)", said), said  # a unit said twice
+        if language == "en":
+            continue
+        translations = messages[f"{code}\x04" + "\0".join(one.sentences)]
+        assert len(translations) == (1 if len(one.says) == 1 else {"ru": 3, "zh": 1}[language])
+        for text in translations:
+            assert fields(text) == fields(one.sentences[-1]), text
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
@@ -72,19 +74,20 @@ def test_translations_are_of_today(name, language):
     assert set(entries(_read(f"{name}.{language}.po"))) - {""} == known
 
 
-@pytest.mark.parametrize("code", CODES)
-def test_a_code_is_used(code):
-    """Its module names every field of its sentence."""
-    users = [found for found in TEXTS.values() if code in found]
-    assert users, code
+@pytest.mark.parametrize("name", rooms())
+def test_codes_are_used(name):
+    """The module of each names every field of its sentence."""
     counted = {"windows", "total"}  # of `inclinometry.motion.result.Fault`
-    assert {name for name, _ in fields(rule(code).sentences[-1])} <= counted.union(*users)
+    for code, one in room(name).items():
+        users = [found for found in texts() if code in found]
+        assert users, code
+        assert {field for field, _ in fields(one.sentences[-1])} <= counted.union(*users), code
 
 
 def test_every_code_of_the_source_is_in_the_catalogue():
     shape = re.compile(rf"({'|'.join(rooms())})(-[a-z]+)+")
     limits = "gyro-repeat"  # a name of limits, as codes are
-    assert {text for found in TEXTS.values() for text in found if shape.fullmatch(text)} <= {*CODES, limits}
+    assert {text for found in texts() for text in found if shape.fullmatch(text)} <= {*CODES, limits}
 
 
 @pytest.mark.parametrize(

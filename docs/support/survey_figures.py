@@ -134,7 +134,21 @@ def honest() -> dict[str, str]:
     sizes = {
         f"msa_ew_{key}": f"{many[key]:.2f}" for key in ("error", "told", "biases", "median_error", "median_biases")
     }
-    return {"msa_honest_table": table(head, cells), **sizes, "msa_ew_luck": f"{100.0 * many['tens_better']:.0f} %"}
+    lateral = honest_survey.level(400)
+    rows = [
+        [name, f"{row['raw']:.2f}", f"{row['error']:.2f}", f"{row['median']:.2f}", f"{row['u']:.2f}"]
+        + [f"{row['coverage']:.3f}", f"{row['z2']:.2f}", f"{100.0 * row['worse']:.0f} %"]
+        + [f"{100.0 * row['contradicted']:.0f} %"]
+        for name, row in lateral.items()
+    ]
+    columns = ["runs", "as measured", "found", "median", "u", "coverage of 95 %", "(error/u)²", "worse than measured"]
+    return {
+        "msa_honest_table": table(head, cells),
+        **sizes,
+        "msa_ew_luck": f"{100.0 * many['tens_better']:.0f} %",
+        "msa_level_table": table([*columns, "known azimuth contradicted"], rows),
+        **{f"msa_level_{key}": f"{lateral['B'][key]:.2f}" for key in ("now", "curve", "known")},
+    }
 
 
 # ---- quality ---------------------------------------------------------------------------------------------------------

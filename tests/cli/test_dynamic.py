@@ -215,3 +215,22 @@ def test_an_interruption_leaves_nothing(tmp_path):
     assert child.returncode in (130, -signal.SIGINT)
     assert "[option-interrupted]" in err
     assert not list(tmp_path.iterdir())
+
+
+def test_an_interruption_is_not_lost_while_an_object_is_thrown_away():
+    """Python only prints what a weak reference's callback raises; without our hook the command would go on."""
+    program = """
+import sys, time, weakref
+from inclinometry import cli
+sys.unraisablehook = cli._interrupted_again
+def callback(_): raise KeyboardInterrupt
+thrown = type("Object", (), {})()
+reference = weakref.ref(thrown, callback)
+try:
+    del thrown
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("heard")
+"""
+    told = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert told == "heard\n"

@@ -236,6 +236,19 @@ def test_a_singular_axial_correction_is_said(run):
     ]
 
 
+def test_a_known_azimuth_counts_from_the_north_of_the_site(run):
+    truth = given("horiz_EW", more='north_reference = "true"\ndeclination_deg = 5.0')
+    row = truth[12]
+    known = float(row["azi_mag_true"]) + 5.0
+    u = [run(*MSA, "--json").ok().json["parameters"]["MBZ"]["u"]]
+    for sigma in (0.5, 0.1):
+        done = run(*MSA, "--json", "--known-azimuth", f"{row['md']}={known:.3f}+-{sigma}").ok()
+        assert "survey-known-off" not in [one["code"] for one in done.json["findings"]]
+        u.append(done.json["parameters"]["MBZ"]["u"])
+    assert u[2] < 0.7 * u[1] < 0.7 * u[0]
+    run(*MSA, "--known-azimuth", row["md"]).refused("MD=DEG+-SIGMA")
+
+
 def test_four_stations_at_one_toolface_are_refused(run):
     truth = given()
     values = table(truth)[:4]

@@ -144,8 +144,7 @@ def test_merged_names(tmp_path):
     sheet.append([0, 0, 0, 1])
     sheet.merge_cells("B1:D1")
     workbook.save(tmp_path / "a.xlsx")
-    with refused("table-unnamed", "file-column", error=FileError):
-        read_excel(tmp_path / "a.xlsx")
+    assert read_excel(tmp_path / "a.xlsx").g.tolist() == [[0.0, 0.0, 9.80665]]
 
 
 def test_files_that_are_no_workbooks(tmp_path):

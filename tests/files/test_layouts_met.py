@@ -160,6 +160,45 @@ def test_table_anywhere_in_a_workbook():
     assert well(Path("two.xlsx").read_bytes(), "c.xlsx", sheet="Survey")[0][0] == [0.0, 304.8, 609.6]
 
 
+MEASURED = [[0, 0, 0], [304.8, 10, 45], [609.6, 20, 46]]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        [["Survey", None, None, "Remarks"], ["MD (m)", "Inc (deg)", "Azi (deg)", "Remarks"]],
+        [["Measured", "Inclination", "Azimuth", None], ["Depth", None, None, None], ["(m)", "(deg)", "(deg)", None]],
+        [["Client:", "A", "Magnetic dip:", "60.1°"], ["MD", "Inc", "Azimuth", "Note"], ["( m )", "( deg )", "( deg )"]],
+        [["MD (m)", "Inclination (deg)", "Azimuth", None], [None, None, "True (deg)", "Note"]],
+    ],
+    ids=["groups", "two rows", "form above", "group of one"],
+)
+def test_merged_headings_of_a_workbook_and_text_below(head):
+    from openpyxl import Workbook
+
+    book = Workbook()
+    for row in [["Well A-1"], *head, *MEASURED, [], ["Survey tool", None, "A to B"], [None, 0, None, "MWD tool"]]:
+        book.active.append(row)
+    book.save("a.xlsx")
+    stations, found = well(Path("a.xlsx").read_bytes(), "b.xlsx")
+    assert (stations, found) == ([[0.0, 304.8, 609.6], [0.0, 10.0, 20.0], [0.0, 45.0, 46.0]], ["table-below"])
+
+
+@pytest.mark.parametrize("below", ["End of survey\n", "End of survey at 60.0 m\n\nchecked by A, B\n", "TD reached,,\n"])
+@pytest.mark.parametrize("mark", [",", " "])
+def test_text_below_a_table_is_said_and_text_within_refused(below, mark):
+    text = f"MD_m{mark}Inc_deg{mark}Azi_deg\n0{mark}0{mark}0\n30{mark}1{mark}10\n"
+    assert well(text + below, "a.csv") == ([[0.0, 30.0], [0.0, 1.0], [0.0, 10.0]], ["table-below"])
+    with refused("table-row-width", "input-kind", "table-empty", error=FileError):
+        well(f"{text}{below}60{mark}2{mark}10\n", "a.csv")
+
+
+@pytest.mark.parametrize("row", ["60", "60,2", "60,x,10", "60,nan,nan", "60,2,"])
+def test_a_last_row_of_numbers_that_is_cut_off_is_no_text(row):
+    with refused("table-row-width", "input-kind", "input-finite", "input-empty", error=FileError):
+        well(f"MD_m,Inc_deg,Azi_deg\n0,0,0\n30,1,10\n{row}\n", "a.csv")
+
+
 def test_record_7_of_wits_needs_no_map():
     stations, found = well(WITS, "a.wits")
     assert stations == [[500.0, 530.0], [1.5, 3.5], [101.2, 100.2]]

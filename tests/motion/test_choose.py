@@ -219,7 +219,7 @@ def test_connection_between_two_stands_of_drilling() -> None:
 
 
 def test_through_raw_stamps_with_every_defect() -> None:
-    """Lost and repeated rows, jitter: one row in 500 lost costs a factor of 20 (0.014 to 0.4 deg), and u says so."""
+    """Lost and repeated rows, jitter: one row in 500 lost costs a factor of 13 (0.013 to 0.17 deg), and u says so."""
     scenario = replace(SCENARIOS["vibration-5g"], faults=(Dropped(0.002), Repeated(0.002), Jitter(0.0003)))
     raw = simulate_drilling(scenario, 1, duration=120.0)
     order = np.diff(raw.time, prepend=-1.0) > 0.0

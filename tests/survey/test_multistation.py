@@ -10,7 +10,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import IdentifiabilityError
 from inclinometry.orientation import angles
 from inclinometry.survey.multistation import Model, multistation, root_of, toolface_gap
-from inclinometry.survey.multistation_priors import published_priors, reference_of_site
+from inclinometry.survey.multistation_priors import KnownAzimuth, published_priors, reference_of_site
 from inclinometry.survey.stations import Source
 from inclinometry.uncertainty import numerical_jacobian
 
@@ -167,8 +167,32 @@ def test_level_east_west_all_along_is_refused():
     # a user who knows the interference gets an answer, and is told what it rests on
     found = multistation(blind, REFERENCE, published_priors(axial_sigma=230.0))
     assert "survey-axial-prior" in coded(found.findings)
+    # nor is it refused where an azimuth is known; another depth, and an azimuth twice, are
+    known = KnownAzimuth(360.0, np.radians(93.3), np.radians(0.5), north=np.radians(3.0))
+    found = multistation(blind, REFERENCE, known=[known])
+    assert abs(found.parameters["MBZ"].value - 600.0) < 3.0 * found.parameters["MBZ"].u < 600.0
+    with refused("input-value", name="known azimuth, md_m"):
+        multistation(blind, REFERENCE, known=[known._replace(md=365.0)])
+    with refused("input-repeated"):
+        multistation(blind, REFERENCE, known=[known, known])
     _, north = run((0.0, 0.0, 600.0), seed=10, azimuth_deg=(0.0, 0.5), inclination_deg=(90.0, 90.2))
     assert multistation(north, REFERENCE).parameters["MBZ"].learned > 0.9
+
+
+def test_a_known_azimuth_is_weighed_against_the_run():
+    azimuth, disturbed = run((0.0, 0.0, 300.0), seed=12, azimuth_deg=(85.0, 95.0), inclination_deg=(2.0, 92.0))
+    alone = multistation(disturbed, REFERENCE)
+    sure = KnownAzimuth(30.0 * 20, azimuth[20], np.radians(0.05))
+    found = multistation(disturbed, REFERENCE, known=[sure])
+    assert found.findings == alone.findings == ()
+    assert found.parameters["MBZ"].u < 0.8 * alone.parameters["MBZ"].u
+    assert rms(azimuth_u(found.corrected)[5:]) < rms(azimuth_u(alone.corrected)[5:])
+    far = multistation(disturbed, REFERENCE, known=[sure._replace(azimuth=azimuth[20] + 0.05, north=0.0)])
+    assert coded(far.findings)[0] == "survey-known-off"
+    assert far.findings[0].values["known_deg"] - far.findings[0].values["found_deg"] == pytest.approx(2.9, abs=0.5)
+    steep = multistation(disturbed, REFERENCE, known=[sure._replace(md=0.0)])
+    assert coded(steep.findings) == ["survey-known-steep"]
+    np.testing.assert_allclose(steep.corrected.b, alone.corrected.b, rtol=1e-12)
 
 
 def test_swapped_axes_units_and_signs_are_refused():

@@ -94,7 +94,7 @@ def test_rows_do_not_depend_on_the_blocks(run, method):
 
 
 def test_missing_samples_are_a_gap_and_not_clipped():
-    """One row in a hundred is missing: more than the magnetic method takes."""
+    """Marked samples that hold nothing before them are no gap that is predicted: too many are refused."""
     run = simulate_drilling(SCENARIOS["vibration-5g"], 1, duration=31.0)
     marked = np.random.default_rng(1).random(len(run.time)) < 0.03
     samples = Samples(run.time, run.interval, accel=run.accel, mag=run.mag, gyro=run.gyro, clipped=marked)
@@ -104,6 +104,24 @@ def test_missing_samples_are_a_gap_and_not_clipped():
         assert found.refused.any()
         assert ((found.flags & np.uint32(BITS["gap"])) > 0).all()
         assert not (found.flags & np.uint32(BITS["clipped"])).any()
+
+
+@pytest.mark.parametrize(
+    ("method", "dropped", "scale"), [("auto", 0.02, 0.0), ("filter", 0.02, 3e-3), ("smoother", 0.0, 3e-3)]
+)
+def test_neither_lost_rows_nor_scales_of_the_field_refuse_a_window(method, dropped, scale):
+    """2 % of the rows dropped at random; scale errors of x and y of one standard deviation, of other signs."""
+    run = simulate_drilling(replace(SCENARIOS["vibration-5g"], hole=HOLE), 3, duration=31.0)
+    held = np.maximum.accumulate(np.arange(len(run.time)) * (np.random.default_rng(1).random(len(run.time)) >= dropped))
+    columns = {name: getattr(run, name)[held] for name in ("accel", "mag", "gyro")}
+    columns["mag"] = columns["mag"] * [1.0 + scale, 1.0 - scale, 1.0]
+    lost = held < np.arange(len(held))
+    stream = METHODS[method].make(Setup(SITE))
+    found = joined([stream.push(Samples(run.time, run.interval, clipped=lost, **columns)), stream.finish()])
+    assert len(found) == 3
+    assert not found.refused.any()
+    assert (np.abs(found.angles.inclination - HOLE.inclination) < 2.5 * found.u.inclination).all()
+    assert np.degrees(found.u.inclination).max() < 0.5
 
 
 def test_the_calibrated_site_is_not_needed_for_the_gyro():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
 import errno
 import gc
 import os
 import sys
+import threading
 import warnings
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
@@ -32,6 +34,8 @@ def main(arguments: list[str] | None = None) -> None:
     # what is imported stays: to look for garbage after every 700 objects takes a tenth of the start
     gc.set_threshold(50_000)
     given = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        sys.unraisablehook = _interrupted_again
     try:
         with warnings.catch_warnings():
             if not _traceback():
@@ -61,6 +65,14 @@ def main(arguments: list[str] | None = None) -> None:
         else:
             status = _misused("option-internal", given, {"kind": type(error).__name__, "reason": what}, 3)
     sys.exit(status)
+
+
+def _interrupted_again(lost: sys.UnraisableHookArgs) -> None:
+    """Python drops an interruption that comes while it throws an object away: it is raised once more."""
+    if lost.exc_type is KeyboardInterrupt:
+        threading.Timer(0.05, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _run(arguments: list[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,9 +11,10 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.quality import show_checks, tell
-from inclinometry.errors import refused
+from inclinometry.errors import refused, wrong_kind
 from inclinometry.files.corrections_json import write_corrections
 from inclinometry.files.limits import read_quality_limits
+from inclinometry.survey.multistation_priors import KnownAzimuth
 from inclinometry.survey.quality import QUANTITIES, FieldQuality
 from inclinometry.workflow import six_axis
 from inclinometry.workflow.gyro_quality import check_json
@@ -119,6 +121,7 @@ def msa(
     calibration: options.InputOrNone = None,
     priors: Literal["iscwsa", "unknown"] | None = None,
     axial_sigma: Annotated[float | None, options.quantity("nt")] = None,
+    known_azimuth: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
     from_: options.SixAxisForm = None,
     convention: options.Convention = None,
     ignore: options.Ignore = (),
@@ -139,6 +142,8 @@ def msa(
         Prior without --calibration: iscwsa (the default: errors of the ISCWSA model) or unknown.
     axial_sigma
         Standard deviation of the axial magnetic interference, nT. Default: 2000.
+    known_azimuth
+        MD=DEG+-SIGMA: azimuth of a station from a gyro or an earlier survey, from the site's north. Repeatable.
     """
 
     output.check_outputs(
@@ -147,12 +152,13 @@ def msa(
     )
     if priors is not None and calibration is not None:
         raise refused("input-not-with", {"name": "--priors", "other": "--calibration"})
+    known = [_known_azimuth(text) for text in known_azimuth]
     with output.reading(raw) as progress:
         run = read_six_axis(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     with output.reading(raw), output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
-        done = six_axis.msa(run, priors or "iscwsa", axial_sigma)
+        done = six_axis.msa(run, priors or "iscwsa", axial_sigma, known)
     beside = {"tool": done.correction.tool, "findings": run.findings, "inputs": run.inputs}
     with output.reported(report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside):
         write_corrections(done.correction, output_)
@@ -162,6 +168,16 @@ def msa(
         return
     output.print_line(str(done.found.corrected.history[-1]))
     show_parameters(done)
+
+
+def _known_azimuth(text: str) -> KnownAzimuth:
+    """MD=DEG+-SIGMA."""
+    parts = re.fullmatch(r"(.+)=(.+?)(?:\+-|±)(.+)", text)
+    try:
+        md, azimuth, sigma = map(float, parts.groups() if parts else ())
+    except ValueError:
+        raise wrong_kind("--known-azimuth", text, "MD=DEG+-SIGMA") from None
+    return KnownAzimuth(md, np.radians(azimuth), np.radians(sigma))
 
 
 def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:

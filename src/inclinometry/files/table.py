@@ -20,7 +20,7 @@ from inclinometry.files.foreign import MOST_COLUMNS, MOST_VALUES, Read, foreign_
 from inclinometry.files.frame import Column, Frame, row_error
 from inclinometry.files.profile import Reading, current, stated_unit
 from inclinometry.files.table_formats import Piece, TextTable
-from inclinometry.files.text import NULLS, ArrowNumbers, Cells, LineReader, NumberReader, Progress, texts_of
+from inclinometry.files.text import NULLS, Cells, LineReader, NumberReader, Progress, regular_columns, texts_of
 from inclinometry.files.timestamps import Clock, part_of_time
 from inclinometry.findings import Finding
 from inclinometry.opening import too_large
@@ -226,7 +226,7 @@ class TableFile:
         self._numbers.finish()
 
     def _prepare(self, numbers: Collection[str], gaps: Collection[str], texts: bool, nan: bool) -> None:
-        """Regular blocks of a text go through Arrow, where it is there and something is a number."""
+        """Regular blocks of a text are converted at once where something is a number."""
         if self._text is None or self._blank:
             return
         # the names of those columns of the file that are neither left out nor the time
@@ -242,16 +242,13 @@ class TableFile:
             numeric[k] = False
         if not any(numeric):
             return
-        try:
-            arrow = ArrowNumbers(numeric, self._text.mark)
-        except ModuleNotFoundError:  # an extra
-            return
+        mark = self._text.mark
 
-        def quick(text: str) -> list[Cells] | None:
+        def quick(text: str, lines: list[str]) -> list[Cells] | None:
             # the careful way notes where the first point stands, and refuses
-            if not text.isascii() or "_" in text or ("." in text and not self._numbers.pointed):
+            if "." in text and not self._numbers.pointed:
                 return None
-            found = arrow.convert(text)
+            found = regular_columns(lines, numeric, mark, nan)
             empty = None
             for k, number in enumerate(numeric):
                 if found is None or not number:
@@ -328,6 +325,8 @@ class TableFile:
         self.log(f"{len(lines):,} rows", numbers)
         counts = {"table-deleted": self._gone, "table-second-set": 0 if self._text is None else self._text.second}
         left = [Finding(code, {"count": count}, severity="note") for code, count in counts.items() if count]
+        if self._text is not None and (below := self._text.below):
+            left.append(Finding("table-below", {"count": len(below), "line": below[0][2]}, severity="note"))
         return Frame(
             self.path,
             MappingProxyType(columns),

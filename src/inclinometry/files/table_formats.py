@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.errors import FileError, InputError, in_file
-from inclinometry.files._quantities import dimension_of
+from inclinometry.files._quantities import columns_called, dimension_of
 from inclinometry.files.profile import PLAIN, SEPARATORS, Profile, describes, with_unit
 from inclinometry.files.text import Block, Cells
 from inclinometry.findings import Finding
@@ -91,12 +91,18 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
         return PLAIN, "text without a table"
     numbers = [sum(bool(NUMBER.fullmatch(cell.strip())) for cell in cells) for _, cells in table]
     header = numbers[0] == 0 or (len(table) > 1 and numbers[0] < numbers[1] and numbers[0] * 2 < width)
-    units = header and len(table) > 2 and numbers[1] == 0 and numbers[2] > 0 and _units_row(table[1][1])
-    first = table[0][0]
+    # texts above the numbers of the first row of values: titles, names over one line or more, units
+    values = next(k for k, count in enumerate(numbers) if 2 * count >= max(numbers))
+    columns = [k for k, cell in enumerate(table[values][1]) if NUMBER.fullmatch(cell.strip())]
+    above = [
+        (place, cells)
+        for (place, cells), count in zip(table[:values], numbers, strict=False)
+        if not count and any(_filled(cells[k]) for k in columns)
+    ]
+    units = header and len(above) > 1 and _units_row(above[-1][1])
+    first = above[-1 - units][0] if header and above else table[0][0]
     before = any(line.strip() and line.lstrip()[0] != "#" for line in lines[:first])
-    plain = (
-        header and not units and mark in ",;\t" and not before and not (mark == ";" and ", " in "".join(table[0][1]))
-    )
+    plain = header and not units and mark in ",;\t" and not before and not (mark == ";" and ", " in lines[first])
     profile = PLAIN if plain else Profile(separator=mark, skip=first if before else 0, header=header, units_row=units)
     name = next(name for name, text in SEPARATORS.items() if text == mark)
     words = [f"text, separated by {name}", f"{first} lines before the names" if before else ""]
@@ -168,6 +174,13 @@ def _filled(cell: Any) -> bool:
     return bool(cell.strip()) if isinstance(cell, str) else True
 
 
+def _is_number(cell: Any) -> bool:
+    return (
+        not isinstance(cell, str)
+        or re.fullmatch(rf"{NUMBER.pattern}|[+-]?(nan|inf|infinity)", cell.strip(), re.I) is not None
+    )
+
+
 Piece = tuple[NDArray[np.int64], list[Cells]]
 """Consecutive rows: the line each stands in, and the cells of each column."""
 
@@ -177,15 +190,18 @@ class TextTable:
 
     names : of all columns, in their order; `line` is where they stand.
     mark : what separates cells; quick : converts a block of regular lines at once, where it can. north : of the
-    azimuths, where a line above the names states it; second : rows of a second set of sensors that were left out.
+    azimuths, where a line above the names states it; second : rows of a second set of sensors that were left out;
+    below : rows of text below the table.
     """
 
     def __init__(self, path: Path, blocks: Iterator[Block], given: Profile) -> None:
         self.path, self.names, self.line, self.mark = path, list[str](), 0, ""
         self.north: str | None = None
         self.second = 0
+        self.below: list[tuple[Sequence[Any], Any, int]] = []
+        self._numeric: list[bool] = []  # of the first row of values
         self._other: Finding | None = None
-        self.quick: Callable[[str], list[Cells] | None] | None = None
+        self.quick: Callable[[str, list[str]], list[Cells] | None] | None = None
         blocks = (_prefixed(block, given.prefix) for block in blocks) if given.prefix else blocks
         first = next(blocks, None)
         self._blocks = blocks if first is None else chain([first], blocks)
@@ -201,9 +217,11 @@ class TextTable:
 
         Plain to see are names above rows of numbers; numbers without names are refused.
         """
-        lines = [line_of(row) for row in first.lines[:LOOKED]]
-        rows = [re.split(r"[,;\s]+", line.strip()) for line in lines]
-        numbers = [sum(NUMBER.fullmatch(cell) is not None for cell in row) for row in rows]
+        rows = first.lines[:LOOKED]
+        width = max(map(len, rows)) if isinstance(rows[0], list) else 0  # the last cells of a row may be missing
+        lines = [line_of([*row, *[""] * (width - len(row))] if row and width else row) for row in rows]
+        words = [re.split(r"[,;\s]+", line.strip()) for line in lines]
+        numbers = [sum(NUMBER.fullmatch(cell) is not None for cell in row) for row in words]
         if max(numbers, default=0) < 2:
             self._other = Finding("file-empty", {"what": "rows of numbers"})
         if given.states_layout:
@@ -214,8 +232,8 @@ class TextTable:
             row = first.lines[place]
             first.lines[place] = row.lstrip().lstrip("# ") if isinstance(row, str) else [row[0].lstrip("# "), *row[1:]]
         found, _ = find_layout(lines)
-        if not found.header and next((count for row, count in zip(rows, numbers, strict=True) if row[0]), 0):
-            names = rows[numbers.index(max(numbers))][:3]
+        if not found.header and next((count for row, count in zip(words, numbers, strict=True) if row[0]), 0):
+            names = words[numbers.index(max(numbers))][:3]
             self._other = self._other or Finding("table-names-numbers", {"names": tuple(names)})
         if found.header and found.lays_out:
             self._find_head(first, lines, found)
@@ -223,7 +241,7 @@ class TextTable:
         return given if given.lays_out else None
 
     def _find_head(self, first: Block, lines: list[str], found: Profile) -> None:
-        """The north that lines above the names state; names over two lines as one, where one line has a name twice."""
+        """The north that lines above the names state; names over two lines as one, where one lacks some or has two."""
         mark = found.separator or ","
         for line in lines[: found.skip]:
             if stated := _NORTH.search(line):
@@ -231,11 +249,19 @@ class TextTable:
         place = next((k for k, line in enumerate(lines) if k >= found.skip and line.strip()), 0)
         above = lines[place - 1] if place else ""
         cells = _roughly(lines[place], mark)
-        if not above.strip() or len(set(cells)) == len(cells) or any(map(NUMBER.fullmatch, _roughly(above, mark))):
-            return
         heads = _over(above, lines[place]) if mark == " " else [cell.strip() for cell in _roughly(above, mark)]
-        if len(heads) == len(cells) and not set(above) & set(":="):
-            first.lines[place] = [f"{head} {cell.strip()}".strip() for head, cell in zip(heads, cells, strict=True)]
+        if len(heads) != len(cells) or set(above) & set(":=") or any(map(NUMBER.fullmatch, heads)):
+            return
+        empty = [k for k, cell in enumerate(cells) if not cell.strip()]
+        if len(set(cells)) == len(cells) and not (empty and all(heads[k] for k in empty)):
+            return
+        left = ""
+        for k, (head, cell) in enumerate(zip(heads, cells, strict=True)):
+            left = head or left  # of cells that are merged
+            name, bracket, unit = left.partition("(")
+            if head or columns_called(f"{name}{cell}"):
+                cells[k] = " ".join(f"{name} {cell} {bracket}{unit}".split())
+        first.lines[place] = cells
 
     def _find_names(self) -> None:
         """The names, and the blocks from the first row of values on."""
@@ -267,7 +293,10 @@ class TextTable:
                     continue
                 self.line = number
                 rest = row + (profile.header or profile.units_row)
-                self._blocks = chain([Block(block.first + rest, block.lines[rest:])], self._blocks)
+                # the first rows by themselves: in them a decimal point is met
+                ends = (rest, rest + LOOKED), (rest + LOOKED, None)
+                parts = [Block(block.first + i, lines) for i, j in ends if (lines := block.lines[i:j]) or i == rest]
+                self._blocks = chain(parts, self._blocks)
                 return
 
     def _plain_names(self, line: Any, number: int) -> None:
@@ -286,19 +315,19 @@ class TextTable:
     def pieces(self) -> Iterator[Piece]:
         """Rows of cells, block by block; FileError for a row of another length."""
         for number, block in enumerate(self._blocks):
-            quick = self._quickly(block) if number else None
+            quick = self._quickly(block) if number and not self.below else None
             piece = quick or self._carefully(block)
             if piece is not None:
                 yield piece
 
     def _quickly(self, block: Block) -> Piece | None:
         lines = block.lines
-        if self.quick is None or self.mark == " " or not isinstance(lines[0], str):
+        if self.quick is None or not isinstance(lines[0], str):
             return None
         text = "\n".join(lines)
-        if '"' in text or "#" in text or "\n\n" in text or (self.mark != "," and "," in text) or not text.strip():
+        if '"' in text or "#" in text or (self.mark in ";\t" and "," in text) or not text.strip():
             return None
-        columns = self.quick(text)
+        columns = self.quick(text, lines)
         start = int(lines[0] == "")
         rows = len(lines) - (lines[-1] == "") - start
         if columns is None or any(len(cells) not in (0, rows) for cells in columns):
@@ -308,12 +337,20 @@ class TextTable:
     def _carefully(self, block: Block) -> Piece | None:
         rows = self._split(block.lines, block.first)
         lines, width = np.arange(block.first, block.first + len(rows)), len(self.names)
-        plain = self._laid is None
-        if not (plain and all(len(row) == width and row[0] and str(row[0])[:1] != "#" for row in rows)):
-            keep = [i for i in range(len(rows)) if self._is_row(rows[i], block.lines[i], block.first + i)]
-            rows, lines = [rows[i][:width] for i in keep], lines[keep]
+        regular = self._laid is None and not self.below and not (self._numeric and self._is_text(rows[-1]))
+        if not (regular and all(len(row) == width and row[0] and str(row[0])[:1] != "#" for row in rows)):
+            found = list[tuple[Sequence[Any], Any, int]]()
+            for one in zip(rows, block.lines, lines.tolist(), strict=True):
+                if self._is_text(one[0]):
+                    self.below.append(one)
+                elif self._is_row(*one):
+                    found += [*(text for text in self.below if self._is_row(*text)), one]
+                    self.below.clear()
+                    self._numeric = self._numeric or list(map(_is_number, one[0][:width]))
+            rows, lines = [row[:width] for row, _, _ in found], np.array([line for _, _, line in found], dtype=np.int64)
         if not rows:
             return None
+        self._numeric = self._numeric or list(map(_is_number, rows[0]))
         columns: list[Cells] = list(zip(*rows, strict=True))
         if not isinstance(block.lines[0], str):
             columns = [np.array(cells, dtype=np.object_) for cells in columns]
@@ -346,6 +383,16 @@ class TextTable:
         if len(row) < width or any(map(_filled, row[width:])):
             raise FileError(self._other or row_width(len(row), width), path=self.path, line=line)
         return True
+
+    def _is_text(self, row: Sequence[Any]) -> bool:
+        """Whether a row is of words where the table has numbers: it may stand below the table."""
+        few = 2 * sum(map(_is_number, row)) < sum(self._numeric) > 1
+        texts = [] if not few else [str(cell).strip() for cell in row]
+        places = (*self._numeric, *[False] * len(row))
+        return not "".join(texts).startswith("#") and any(
+            re.search(r"[^\W\d]", text) and (number or " " in text or ":" in text)
+            for text, number in zip(texts, places, strict=False)
+        )
 
     def _check_comment(self, row: Sequence[Any], line: int) -> None:
         if len(row) == len(self.names) > 1:

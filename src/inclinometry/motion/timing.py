@@ -1,8 +1,8 @@
 """Raw time stamps and channels, in blocks of any size, cut into evenly sampled stretches; nothing is repaired silently.
 
-Small gaps keep the grid: places without a reading hold the reading before them and are marked `clipped`. Larger gaps,
-and a clock that leaves the grid, end the stretch. Rows that repeat the row before them are dropped and counted; time
-that runs backwards is refused.
+Small gaps keep the grid: places without a reading hold the reading before them and are marked `clipped`; a window
+predicts them from their neighbours (`window_filter.bridged`). Larger gaps, and a clock that leaves the grid, end the
+stretch. Rows that repeat the row before them are dropped and counted; time that runs backwards is refused.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from inclinometry.motion.decimate import aliasing_faults
 from inclinometry.motion.reference import FieldOff, SiteCheck, field_faults, field_off, field_strength
 from inclinometry.motion.result import BITS, CHANNELS, Attitude, Fault, Samples
 from inclinometry.motion.turning import Turning, find_harmonics, find_turning
+from inclinometry.motion.window_filter import bridged
 from inclinometry.rotations import wrap_signed
 
 LEAST_RUN: Final = 20
@@ -200,7 +201,7 @@ class HealthSettings:
 
 @dataclass(frozen=True, eq=False)
 class WindowHealth:
-    """What was found in a window, whose samples at the end of a range are marked as clipped.
+    """What was found in a window, whose missing samples are predicted and those at the end of a range marked.
 
     off : the window's field against the site's.
     """
@@ -274,7 +275,7 @@ class HealthCheck:
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
             window = replace(window, clipped=already | marked)
-        return WindowHealth(window, turning, tuple(faults), off)
+        return WindowHealth(bridged(window), turning, tuple(faults), off)
 
     def findings(self, besides: tuple[str, ...] = ()) -> tuple[Finding, ...]:
         """Each kind of fault once, with the number of windows, but those of some flags."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, Mask
 from inclinometry.errors import out_of_order, out_of_range, refused
 from inclinometry.findings import Finding
 from inclinometry.motion._hole_direction import (
@@ -128,7 +128,8 @@ class WindowStream:
         return self._rows(self._buffer.finish())
 
     def _rows(self, windows: list[Samples]) -> Attitude:
-        return joined([self._nothing, *(self._reduce(window) for window in windows)]) if windows else self._nothing
+        rows = [self._reduce(bridged(window)) for window in windows]
+        return joined([self._nothing, *rows]) if rows else self._nothing
 
     def whole(self, samples: Samples) -> Attitude:
         """Rows of a run given at once."""
@@ -149,6 +150,49 @@ def columns_of(block: Samples) -> Columns:
 def joined_columns(parts: list[Columns]) -> Columns:
     """One contiguous stretch."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def bridged(window: Samples) -> Samples:
+    """The window with its missing samples, of which all channels were held, predicted; what is clipped stays marked."""
+    if window.clipped is None or not window.clipped.any():
+        return window
+    triads = {name: getattr(window, name) for name in CHANNELS if window.has(name)}
+    lost = window.clipped & (np.arange(len(window)) > 0)  # of the first sample nothing tells
+    for values in triads.values():
+        lost[1:] &= (values[1:] == values[:-1]).all(axis=1)
+    most_lost = 0.3  # of a window, beyond which too little is left to predict from
+    if not lost.any() or lost.mean() > most_lost:
+        return window
+    found = {name: np.stack([_predicted(column, lost) for column in v.T], axis=1) for name, v in triads.items()}
+    return replace(window, clipped=window.clipped & ~lost, **found)
+
+
+def _predicted(values: Array, lost: Mask) -> Array:
+    """Values (n,) with the lost ones those of least prediction error by the series' own autoregression.
+
+    Janssen A.J.E.M., Veldhuis R.N.J., Vries L.B., IEEE Trans. ASSP 34, 1986. A mean of shaking samples with single
+    ones held or left out errs by the shaking itself over the root of their number.
+    """
+    from scipy.linalg import solve_toeplitz, solveh_banded
+
+    order, places = min(32, values.size // 8), np.flatnonzero(lost)
+    series = np.where(lost, np.interp(np.arange(values.size), np.flatnonzero(~lost), values[~lost]), values)
+    for _ in range(2 if order else 0):  # the first pass knows the spectrum from lines across the gaps
+        mean = float(series.mean())
+        x = series - mean
+        lags = np.array([float(x[: x.size - k] @ x[k:]) for k in range(order + 1)])
+        if not lags[0] > 1e-18 * x.size * (mean**2 + lags[0]):
+            break
+        lags[0] *= 1.0 + 1e-9
+        error = np.append(1.0, -solve_toeplitz(lags[:-1], lags[1:]))
+        weights = np.correlate(error, error, "full")
+        known = np.pad(np.where(lost, 0.0, x), order, "reflect", reflect_type="odd")
+        right = -np.convolve(known, weights, "valid")[places]
+        apart = [places[k:] - places[: places.size - k] for k in range(min(order + 1, places.size))]
+        band = [np.where(d <= order, weights[order + np.minimum(d, order)], 0.0) for d in apart if d.min() <= order]
+        matrix = np.stack([np.pad(one, (places.size - one.size, 0)) for one in band[::-1]])
+        series[places] = mean + solveh_banded(matrix, right)
+    return series
 
 
 # Direction of the hole as a constant-rate motion: what the passes over windows carry, and one step of it.

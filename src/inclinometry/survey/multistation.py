@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, within
 from inclinometry.errors import IdentifiabilityError, InputError, out_of_range, refused
 from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Normal, levenberg_marquardt
-from inclinometry.orientation import angles, angles_jacobian
-from inclinometry.rotations import TAU
+from inclinometry.orientation import angles, angles_jacobian, fields
+from inclinometry.rotations import TAU, wrap_positive, wrap_signed
 from inclinometry.sensors import Tool
 from inclinometry.survey.multistation_evidence import averaged_over_sizes, noise_factors
-from inclinometry.survey.multistation_priors import FieldReference, Priors, priors_from_tool, published_priors
+from inclinometry.survey.multistation_priors import (
+    FieldReference,
+    KnownAzimuth,
+    Priors,
+    priors_from_tool,
+    published_priors,
+)
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular
 from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
@@ -103,6 +109,11 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors[:, keep] * np.sqrt(values[keep]))
 
 
+def posterior(root: Array, information: Array) -> Array:
+    """Covariance (p, p) after the information (p, p), where root root' was it before."""
+    return np.asarray(root @ np.linalg.solve(root.T @ information @ root + np.eye(root.shape[1]), root.T))
+
+
 def left_out(residual: Array, jacobian: Array, covariance: Array, azimuth: Array) -> tuple[Array, Array]:
     """Largest change of azimuth (n,), rad, without each station, and its squared error against the others' prediction.
 
@@ -174,6 +185,99 @@ def refuse_axial(spread: float, prior_nt: float, left_nt: float) -> None:
         values = {"prior_nT": prior_nt, "left_nT": left_nt, "sd_deg": spread, "allowed_deg": lost}
         values |= {name: float(np.degrees(values[name])) for name in ("sd_deg", "allowed_deg")}
         raise IdentifiabilityError(Finding("survey-axial-open", values))
+
+
+class Corrected(NamedTuple):
+    """Fields (n, 6) at an estimate, the inverse gains (n, 6, 6), derivatives (n, 6, p) of the fields by the sensors'
+    parameters, (n, 6) of azimuth by the fields and (n, p + 3) by all parameters."""
+
+    fields: Array
+    inverse: Array
+    by_field: Array
+    heading: Array
+    azimuth: Array
+
+    def variance(self, noise: Array) -> Array:
+        """Variance (n,) of azimuth from the noise (n, 6, 6) of each station."""
+        return np.einsum("na,nab,nbc,ndc,nd->n", self.heading, self.inverse, noise, self.inverse, self.heading)
+
+
+def corrected_at(model: Model, x: Array) -> Corrected:
+    """The stations as an estimate corrects them."""
+    found, inverse = model.fields(x)
+    by_field, heading = model.by_parameter(found, inverse), heading_jacobian(found)
+    azimuth = np.einsum("na,nap->np", heading, by_field)
+    return Corrected(found, inverse, by_field, heading, np.pad(azimuth, ((0, 0), (0, 3))))
+
+
+def known_rows(md: Array, known: Sequence[KnownAzimuth]) -> list[int]:
+    """Station of each known azimuth; refused where there is none at its depth, or it is given twice."""
+    rows = [int(np.argmin(np.abs(md - one.md))) for one in known]
+    for place, (row, one) in enumerate(zip(rows, known, strict=True)):
+        if not abs(md[row] - one.md) <= 0.5:  # m; within it a hole turns by less than such an azimuth is known to
+            raise out_of_range("known azimuth, md_m", one.md, f"{md[row] - 0.5:g} .. {md[row] + 0.5:g}")
+        if row in rows[:place]:
+            raise refused("input-repeated", {"name": "known azimuth, md_m", "value": one.md})
+        within(one.sigma, "known azimuth, sigma", 0.0, np.pi, "rad")
+        within(one.azimuth, "known azimuth", -TAU, TAU, "rad")
+    return rows
+
+
+def with_known(
+    at: Corrected, covariance: Array, noise: Array, rows: Sequence[int], known: Sequence[KnownAzimuth]
+) -> tuple[Array, Array, list[Finding]]:
+    """Change (p,) of the estimate by azimuths known at stations, their information (p, p), and what they contradict.
+
+    The noise (n, 6, 6) of the station and the error of its azimuth widen what is learnt; other stations share neither.
+    """
+    now = angles(at.fields[:, :3], at.fields[:, 3:])
+    steep = np.sin(now.inclination) < np.sin(STEEP)
+    findings = [
+        Finding("survey-known-steep", {"md_m": one.md, "allowed_deg": float(np.degrees(STEEP))}, (row,))
+        for row, one in zip(rows, known, strict=True)
+        if steep[row]
+    ]
+    used = [(row, one) for row, one in zip(rows, known, strict=True) if not steep[row]]
+    rows = [row for row, _ in used]
+    by, off = at.azimuth[rows], wrap_signed([one.azimuth - one.north - now.azimuth[row] for row, one in used])
+    spread = at.variance(noise)[rows] + np.square([one.sigma for _, one in used])
+    weighted = by.T / spread
+    information = weighted @ by
+    innovation = np.sqrt(np.einsum("kp,pq,kq->k", by, covariance, by) + spread)
+    for (row, one), away, sd in zip(used, off.tolist(), innovation.tolist(), strict=True):
+        if abs(away) > 3.0 * sd:
+            turned = {"found_deg": wrap_positive(one.azimuth - away), "u_deg": np.sqrt(sd**2 - one.sigma**2)}
+            turned |= {"known_deg": one.azimuth, "sigma_deg": one.sigma}
+            values = {"md_m": one.md} | {name: float(np.degrees(value)) for name, value in turned.items()}
+            findings.append(Finding("survey-known-off", values, (row,)))
+    return posterior(root_of(covariance), information) @ (weighted @ off), information, findings
+
+
+def remedies(model: Model, at: Corrected, x: Array, covariance: Array, information: Array, noise: Array) -> Finding:
+    """What would sharpen azimuth, with its uncertainty now and after each, predicted by the covariance.
+
+    Two stations of the curve are 6 and 12 deg less inclined than the least inclined station; an azimuth known to 0.5
+    deg is that of the middle station; four shots at every station have a quarter of the noise.
+    """
+    now = angles(at.fields[:, :3], at.fields[:, 3:])
+    inclined, own = np.sin(now.inclination) > np.sin(STEEP), at.variance(noise)
+    root, rows = root_of(covariance), at.azimuth[inclined]
+    low, middle, (g, b, dip) = [int(np.argmin(now.inclination))] * 2, len(at.fields) // 2, model.reference + x[-3:]
+    inclination, toolface = now.inclination[low] - np.radians([6.0, 12.0]), now.toolface[low] + [0.0, np.pi / 2.0]
+    down, magnetic = fields(now.azimuth[low], inclination, toolface, dip)
+    curve = np.hstack([g * down, b * magnetic])
+    _, by_field = invariants(curve)
+    by = by_field @ replace(model, weights=model.weights[low]).by_parameter(curve, at.inverse[low])
+    seen = np.concatenate([by, np.broadcast_to(-np.eye(3), (2, 3, 3))], axis=2)
+    seen = (_whitener(by_field, noise[low], np.zeros((3, 3))) @ seen).reshape(6, -1)
+    turn = at.azimuth[middle] / np.sqrt(own[middle] + np.radians(0.5) ** 2)
+    cases = {"now_deg": (0.0 * information, 1), "curve_deg": (seen.T @ seen, 1)}
+    cases |= {"known_deg": (np.outer(turn, turn), 1), "shots_deg": (3.0 * information, 4)}
+    found: dict[str, Value] = {}
+    for name, (more, shots) in cases.items():
+        variance = np.sum((rows @ posterior(root, more)) * rows, axis=1) + own[inclined] / shots
+        found[name] = float(np.degrees(np.sqrt(np.mean(variance))))
+    return Finding("survey-axial-prior", found)
 
 
 class Parameter(NamedTuple):
@@ -267,8 +371,6 @@ def findings_of(
     usual = float(np.radians(100.0))  # public multi-station practice
     if gap > usual:
         found.append(toolfaces_of(gap, usual, "biases across the tool follow their priors"))
-    if priors.axial and parameters[priors.axial].prior > 0.0 and parameters[priors.axial].learned < 0.5:
-        found.append(Finding("survey-axial-prior", {"parameter": priors.axial}))
     limit = float(chi_square_limit(rare, 3 * len(surprise)))
     if cost > limit:
         found.append(Finding("survey-chi-square", {"chi_square": float(cost), "limit": limit}))
@@ -298,14 +400,19 @@ REPLACED: Final = ("calibration", "stability", "sensors")
 
 
 def multistation(
-    stations: Stations, reference: FieldReference, priors: Priors | None = None, *, calibration: Tool | None = None
+    stations: Stations,
+    reference: FieldReference,
+    priors: Priors | None = None,
+    *,
+    calibration: Tool | None = None,
+    known: Sequence[KnownAzimuth] = (),
 ) -> MultiStation:
     """Estimate the errors that the stations of one run share, and take them off (after Brooks et al., SPE 49060, 1998).
 
     Minimised is sum_n r' V^-1 r + x' P^-1 x, r = (|g|, |b|, dip)(corrected) - reference - correction, V a station's
     noise, P the priors (or the covariance of `calibration`); a station's three angles are free. Linear from there on, V
     takes the noise the run shows (`noise_factors`) and the estimate is averaged over sizes of the priors by their
-    evidence (`averaged_over_sizes`) until it moves by less than u / 100.
+    evidence (`averaged_over_sizes`) until it moves by less than u / 100. Then it takes in the `known` azimuths.
     """
     if priors is not None and calibration is not None:
         raise refused("input-not-with", {"name": "priors", "other": "calibration"})
@@ -313,7 +420,7 @@ def multistation(
         raise refused("survey-corrected", {"correction": SOURCE})
     chosen = priors_from_tool(calibration) if calibration is not None else priors or published_priors()
     readings = np.concatenate([stations.g, stations.b], axis=1)
-    gap, (measured, rows) = toolface_gap(readings), invariants(readings)
+    gap, (measured, rows), known_at = toolface_gap(readings), invariants(readings), known_rows(stations.md, known)
     _refuse(measured, reference.values, gap, chosen.largest_gap)
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
     # the published noise of a station takes the field's own disturbance in
@@ -330,26 +437,31 @@ def multistation(
     x, covariance, scales, factors, information, score = _as_the_run_shows(
         model, chosen, root @ fit.estimate, rows, noise, disturbed, bool(stations.noise.any())
     )
+    at, shown, told = corrected_at(model, x), _times_factors(noise, factors), list[Finding]()
+    wide, more = scales[:, None] * root, np.zeros_like(covariance)
+    if known:
+        moved, more, told = with_known(at, covariance, shown, known_at, known)
+        x, covariance = x + moved, posterior(root_of(covariance), more)
+        at = corrected_at(model, x)
     u, before_u = standard_deviations(covariance), scales * np.linalg.norm(root, axis=1)
     names, units = (*chosen.names, "reference g", "reference b", "reference dip"), (*chosen.units, "m/s^2", "nT", "rad")
     columns = (one.tolist() for one in (x, u, before_u))
     parameters = dict(zip(names, map(Parameter, *columns, units), strict=True))
-    fields, inverse = model.fields(x)
-    by_field = model.by_parameter(fields, inverse)
-    azimuth = np.einsum("na,nap->np", heading_jacobian(fields), by_field)
     if chosen.axial:
-        at = chosen.names.index(chosen.axial)
-        refuse_axial(float(u[at] * np.sqrt(np.mean(azimuth[:, at] ** 2))), float(before_u[at]), float(u[at]))
-    wide = scales[:, None] * root
-    own = wide @ np.linalg.solve(wide.T @ information @ wide + np.eye(root.shape[1]), wide.T)
+        axial = chosen.names.index(chosen.axial)
+        spread = float(u[axial] * np.sqrt(np.mean(at.azimuth[:, axial] ** 2)))
+        refuse_axial(spread, float(before_u[axial]), float(u[axial]))
+        if spread > np.radians(0.4):
+            told.append(remedies(model, at, x, covariance, information, shown))
     residual, jacobian = model.residuals(x)
-    shown = _times_factors(noise, factors)
     whitener = _whitener(rows, shown, factors[1] * disturbed)
-    influence, surprise = left_out((whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, own, azimuth)
+    influence, surprise = left_out(
+        (whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, posterior(wide, information + more), at.azimuth
+    )
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
-    sources |= {SOURCE: Source(by_field, covariance[:size, :size])}
-    step, own_noise = step_of(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
-    corrected = stations.corrected(fields[:, :3], fields[:, 3:], step, sources, own_noise)
+    sources |= {SOURCE: Source(at.by_field, covariance[:size, :size])}
+    step, own_noise = step_of(parameters, chosen, len(stations)), at.inverse @ shown @ np.swapaxes(at.inverse, 1, 2)
+    corrected = stations.corrected(at.fields[:, :3], at.fields[:, 3:], step, sources, own_noise)
     return MultiStation(
         parameters=parameters,
         covariance=covariance,
@@ -361,7 +473,7 @@ def multistation(
         influence=influence,
         surprise=surprise,
         iterations=fit.iterations,
-        findings=tuple(findings_of(parameters, gap, chosen, fit.cost, surprise, scales)),
+        findings=(*told, *findings_of(parameters, gap, chosen, fit.cost, surprise, scales)),
         priors=chosen.source,
         noise_factors=(float(factors[0]), float(factors[1])),
         information=information,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -239,6 +239,18 @@ class FieldReference:
     def randoms(self) -> Array:
         """Standard deviations from station to station."""
         return np.array([self.g_random, self.b_random, self.dip_random])
+
+
+class KnownAzimuth(NamedTuple):
+    """An azimuth from elsewhere, a gyro or an earlier survey, at the station of a depth; rad.
+
+    north : angle from magnetic north to the north it counts from; that angle's error is the survey's, not added here.
+    """
+
+    md: float
+    azimuth: float
+    sigma: float
+    north: float = 0.0
 
 
 def reference_of_site(site: Site, kind: str = "WMM") -> FieldReference:

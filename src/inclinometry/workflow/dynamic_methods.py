@@ -177,6 +177,7 @@ class Setup:
             accel_bias_sigma=same.accel_sigma,
             hard_iron_sigma=(same.offset_sigma, same.offset_sigma, same.axial_sigma),
             delay_sigma_s=self.late,
+            mag_scale_sigma=same.mag_scale_sigma,
         )
         return replace(plain, **self.gyro)
 

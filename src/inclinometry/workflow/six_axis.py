@@ -33,6 +33,7 @@ from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
 from inclinometry.survey.multistation_priors import (
     FieldReference,
+    KnownAzimuth,
     priors_from_tool,
     published_priors,
     reference_of_site,
@@ -538,7 +539,9 @@ class Analysis:
         return (*self.found.findings, *unsettled(self.judged.wiring))
 
 
-def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
+def msa(
+    run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None, known: Sequence[KnownAzimuth] = ()
+) -> Analysis:
     """Multi-station analysis of a run.
 
     Parameters
@@ -548,6 +551,8 @@ def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) 
         What is known of a tool without a calibration; with one its covariance is the prior.
     axial_sigma : float, optional
         Standard deviation of the axial interference, nT.
+    known : sequence of KnownAzimuth
+        Azimuths of stations, from the north of the site.
 
     Raises
     ------
@@ -562,7 +567,9 @@ def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) 
         chosen = published_priors(priors, axial_sigma=axial_sigma)
     else:
         chosen = priors_from_tool(run.tool, axial_sigma=axial_sigma)
-    found = multistation(run.stations, reference, chosen)
+    site = run.site
+    north = float(convert_azimuth(0.0, "magnetic", site.north_reference, site)) if known else 0.0
+    found = multistation(run.stations, reference, chosen, known=[one._replace(north=north) for one in known])
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)

@@ -24,7 +24,7 @@ from inclinometry.motion.inertial.state import (
 )
 from inclinometry.motion.inertial.window import Ends, reduce_window
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
-from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.motion.window_filter import WindowBuffer, bridged
 from inclinometry.rotations import dcm_from_quaternion, rotation_log
 from inclinometry.tabular import check_record
 
@@ -94,7 +94,7 @@ def continuous_survey(
 
 def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attitude | None, method: str) -> Attitude:
     buffer, engine = WindowBuffer(model.settings.window), Engine(model, start)
-    windows = [*buffer.push(samples), *buffer.finish()]
+    windows = [bridged(window) for window in (*buffer.push(samples), *buffer.finish())]
     nodes = [engine.advance(window) for window in windows]
     if not nodes:
         if end is not None:

@@ -36,6 +36,7 @@ class InertialSettings(Settings):
         Range(0.0, 1e5, "nT"),
         "One number or x, y, z; along the tool hardly anything else bounds the azimuth.",
     ] = 150.0
+    mag_scale_sigma: Annotated[float, Range(0.0, 0.1), "Of scale errors and couplings."] = 0.0
     hard_iron_walk: Annotated[float, Range(0.0, 1e3, "nT/sqrt(s)"), "Its random walk."] = 0.05
     gain_sigma: Annotated[float, Range(0.0, 0.1), "Gain of the accelerometers across, relative to along."] = 2e-4
     ripple_sigma: Annotated[float, Range(0.0, 0.1), "The same of the anti-alias filter at 10 turns a second."] = 1e-3

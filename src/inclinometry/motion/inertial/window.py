@@ -294,7 +294,7 @@ def filter_window(
         np.asarray(window.mag) if with_field else np.zeros((0, 3)),
         np.where(bad, 0 if still else 2, 1 if with_field else 0).astype(np.uint8),  # 1 use the field, 2 hold the gyro
         tapers(len(window), window.interval),
-        _constants(state, window.interval, model, still),
+        _constants(state, window, model, still),
         nominal,
         p,
         x,
@@ -412,13 +412,17 @@ def is_still(state: State, window: Samples, model: Model, bad: Mask) -> bool:
     return bool(np.abs(turned).max() <= 5.0 * np.sqrt(variance) + 1e-9)
 
 
-def _constants(state: State, interval: float, model: Model, still: bool) -> Array:
-    settings = model.settings
+def _constants(state: State, window: Samples, model: Model, still: bool) -> Array:
+    settings, interval = model.settings, window.interval
+    uneven, most = (settings.mag_scale_sigma * state.strength) ** 2, 2.5**2  # standard deviations of one tool in eighty
+    if window.mag is not None:  # a delay turns the transverse field by another angle as the speed changes
+        late = settings.delay_sigma_s * float(np.std(np.asarray(window.gyro)[:, 2]))
+        uneven += late**2 * float(np.mean(window.mag[:, :2] ** 2))
     head = [
         interval,
         *(0.0 * model.spin if still else model.spin * interval),
         state.strength,
-        max(settings.mag_noise**2, state.field_variance),
+        max(settings.mag_noise**2, state.field_variance, most * uneven),
         settings.gate,
         (0.2 * interval) ** 2,  # rad/s, how far the rate may have moved while an unusable sample was bridged
         *settings.step_variances(interval, settings.creep if still else model.gyro_noise),

@@ -48,6 +48,7 @@ from inclinometry.motion.magnetic.phase import (
 from inclinometry.motion.magnetic.whirl import whirl_acceleration
 from inclinometry.motion.reference import SiteCheck, departure, inflated, referenced
 from inclinometry.motion.result import BITS, METHODS, Attitude, Fault, Samples, joined
+from inclinometry.motion.window_filter import bridged
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
 from inclinometry.tabular import check_record
@@ -644,7 +645,7 @@ class MagneticStream:
         times, rates, verdicts = [], [], []
         start = 0
         while start + size <= count:
-            part = self._held.cut(start, start + size)
+            part = bridged(self._held.cut(start, start + size))
             rate, verdict = self._window(part, self._first + start, size)
             times.append(float(self._held.stamps(start, start + size).mean()))
             rates.append(rate)
