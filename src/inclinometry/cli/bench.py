@@ -298,7 +298,7 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "expected_u_deg": named_degrees(expected),
         "budget": _budget(found, expected, data),
         "second_harmonics": None if second is None else _harmonics(second),
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
     }
 
 
@@ -619,7 +619,7 @@ def _verification(found: Verification) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "reservations": [one.plain() for one in found.reservations],
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "limits": _agreed(found),
         "coverage_factor": found.coverage_factor,
         "stations": [
@@ -679,7 +679,7 @@ def _verify_planned(
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
                 **power_summary(found),
-                "findings": [one.plain() for one in found.findings],
+                "findings": found.findings,
             }
         )
         return 0

@@ -160,7 +160,7 @@ def print_json(content: Any) -> None:
 def plain(value: Any) -> Any:
     """Lists, mappings, text, and numbers of 12 digits; what is not finite is null."""
     if isinstance(value, Finding):
-        return value.plain()
+        return plain(value.plain())
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

@@ -266,7 +266,7 @@ def _content(found: WellPosition, target: Path | None, columns: Mapping[str, Any
         "runs": [one._asdict() for one in found.runs],
         "last_station": last,
         "sources": _sources(found),
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "inputs": dict(found.inputs),
         "output": target,
     }

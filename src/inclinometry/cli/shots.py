@@ -99,8 +99,7 @@ def _answer(what: str, checks: Sequence[Check], findings: Sequence[Finding], jso
     verdict = worst(checks)
     tell(checks, findings)
     if json:
-        told = [one.plain() for one in findings]
-        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "findings": told})
+        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "findings": findings})
     else:
         show_checks(f"{verdict.upper()}: {what}", checks)
     return 0 if verdict == "pass" else 1

@@ -278,8 +278,7 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
         problems = list(audit.verify(Store(fleet), progress))
     bare = [] if problems else audit.unrecorded(Store(fleet))
     if json:
-        findings = [one.plain() for one in bare]
-        output.print_json({"ok": not problems, "problems": _plain(problems), "findings": findings})
+        output.print_json({"ok": not problems, "problems": _plain(problems), "findings": bare})
         return 1 if problems else 0
     told, files = _files(problems)
     output.findings([*told, *bare], files)

@@ -161,7 +161,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[3:]]),
         covariance=covariance,
         noise=noise,
-        source="tool.json" if tool.name == "unnamed" else tool.name,
+        source=tool.name,
         axial=interference[2],
         sized=(
             (interference[:2], STATED),
