@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import command
 from benchmarks.measure import laps
 from inclinometry.calibration.field import calibrate_field
-from inclinometry.calibration.norm import NormFit, calibrate_norm
+from inclinometry.calibration.norm import NormFit, calibrate_norm, unit
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.rollset import roll_harmonics
 from inclinometry.calibration.stillness import stations_from_log, still_intervals
@@ -140,7 +140,7 @@ def mpu9150(name: str) -> dict:
     printed = (MPU / f"their_run_{name}.txt").read_text(encoding="utf-8").splitlines()
     published = np.array(printed[2].strip("[] ").split(), dtype=float)
     samples = log[standstill(np.linalg.norm(log[:, 3:], axis=1)), :3]
-    fit = calibrate_norm(samples, 9.81)
+    fit = calibrate_norm(samples, 9.81, robust=False)
     m = np.linalg.inv(fit.inverse)
     ours = np.array([m[0, 0] - 1, m[1, 1] - 1, m[2, 2] - 1, m[1, 2], m[0, 1], m[0, 2], *fit.bias])
     before = float(np.sqrt(np.mean((np.linalg.norm(samples, axis=1) - 9.81) ** 2)))
@@ -150,7 +150,7 @@ def mpu9150(name: str) -> dict:
         "largest_difference": float(np.max(np.abs(ours - published))),
         "rms": [before, fit.rms],
         "published_rms": list(MPU_RMS[name]),
-        "fit_s": min(laps(lambda: calibrate_norm(samples, 9.81), 15)),
+        "fit_s": min(laps(lambda: calibrate_norm(samples, 9.81, robust=False), 15)),
         "published_fit_s": float(printed[0].split(":")[1].split()[0]),
     }
 
@@ -218,12 +218,34 @@ def roll_test(path: Path) -> dict:
     return {"ours": ours, "published": ROLL_TEST}
 
 
+NORM = ((60, 0), (60, 1), (60, 5), (24, 0))
+
+
+def norm_outliers(outliers: int, poses: int = 60, runs: int = 100) -> dict:
+    """Error of the length of the field at other attitudes, %: as called, by least squares; runs that are warned of."""
+    squares = np.zeros(2)
+    warned = 0
+    for number in range(runs):
+        rng = np.random.default_rng([number, poses, outliers])
+        signals = 5e4 * unit(rng.normal(size=(poses, 3)))
+        tensor, offset = np.eye(3) + 0.05 * rng.normal(size=(3, 3)), 3000.0 * rng.normal(size=3)
+        signals = signals @ tensor.T + offset + 50.0 * rng.normal(size=(poses, 3))
+        signals[rng.choice(poses, outliers, replace=False)] += 1500.0 * rng.normal(size=(outliers, 3))
+        other = 5e4 * unit(rng.normal(size=(500, 3))) @ tensor.T + offset
+        fits = [calibrate_norm(signals, 5e4, kind="magnetometer", robust=robust) for robust in (True, False)]
+        squares += [np.mean((np.linalg.norm(fit.field(other), axis=1) / 5e4 - 1.0) ** 2) for fit in fits]
+        warned += bool(fits[0].findings)
+    robust, plain = (100.0 * np.sqrt(squares / runs)).tolist()
+    return {"robust_percent": robust, "least_squares_percent": plain, "warned": warned / runs}
+
+
 def run(roll_test_file: str | None = None) -> dict:
     """Everything, as one record."""
     result = {
         "xsens": xsens(),
         "mpu9150": {name: mpu9150(name) for name in MPU_RMS},
         "cave": {name: cave(name) for name in CAVE},
+        "norm": {f"{poses} poses, {count} outliers": norm_outliers(count, poses) for poses, count in NORM},
     }
     if roll_test_file is not None:
         result["roll_test"] = roll_test(Path(roll_test_file))
@@ -255,6 +277,9 @@ def report(result: dict) -> None:
             row(f"MPU-9150 {name}: {part}", ours, published)
         row(f"MPU-9150 {name}: rms before, after, m/s2", join(m["rms"], 3), join(m["published_rms"], 3))
         row(f"MPU-9150 {name}: fitting, s", f"{m['fit_s']:.4f}", f"{m['published_fit_s']:.2f}")
+    for name, n in result["norm"].items():
+        row(f"norm, {name}: error %, warned", f"{n['robust_percent']:.3f}, {n['warned']:.2f}",
+            f"least squares {n['least_squares_percent']:.3f}")  # fmt: skip
     for name, c in result["cave"].items():
         forth = c["first_to_second"]
         published = f"peer {c['peer'][0]} plain {c['plain'][0]} allowed {c['allowed']}"

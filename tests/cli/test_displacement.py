@@ -58,6 +58,40 @@ def test_table_csv_json_and_report(run, two):
     assert found["components_u_mm"]["random"] == found["u_mm"]
 
 
+def test_one_file_of_all_dates(run):
+    write("base.csv")
+    write("later.csv", SHEAR, 2)
+    head, *base = Path("base.csv").read_text().splitlines()
+    later = Path("later.csv").read_text().splitlines()[1:]
+    rows = [f"2026-05-0{day},{row}" for day, of in ((1, base), (2, later)) for row in of]
+    Path("all.csv").write_text("\n".join([f"Date,{head}", *rows]))
+    one = displace(run, "--json").json["readings"]["later"]["axes"]
+    found = run("displacement all.csv --unit digi-25000 --json").ok().json["readings"]
+    assert (list(found), found["2026-05-02"]["axes"]) == (["2026-05-02"], one)
+    run("displacement base.csv --unit digi-25000").refused("input-few", "readings")
+
+
+def test_an_in_place_string_of_a_campbell_logger(run):
+    """Six sensors of 2 m; the third tilts by 0.1 deg: 3.49 mm above it."""
+    names = ["TIMESTAMP", "RECORD", "BattV_Min", *(f"Tilt_{axis}({k})" for axis in "AB" for k in range(1, 7))]
+    units, of = ["TS", "RN", "Volts", *["Deg"] * 12], ["", "", "Min", *["Smp"] * 12]
+    rows = [['"TOA5"', "BH-1", "CR1000", "1031", "CR1000.Std.32", "CPU:ipi.CR1", "4062", "Hourly"], names, units, of]
+    for day in range(1, 15):
+        tilt = [0.1 * k + 0.1 * (k == 2 and day > 7) for k in range(6)]
+        rows.append([f'"2026-05-{day:02d} 12:00:00"', day, 12.6, *tilt, *[0.2] * 6])
+    Path("ipi.dat").write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
+    done = run("displacement ipi.dat --sensor-depths-m 0 2 4 6 8 10 --step-sd-mm 0.05 --json").ok()
+    readings, moved = done.json["readings"], 2000.0 * (np.sin(np.radians(0.3)) - np.sin(np.radians(0.2)))
+    assert (len(readings), [one["severity"] for one in done.json["findings"]]) == (13, ["note", "note"])
+    axes = readings["2026-05-14 12:00:00"]["axes"]
+    np.testing.assert_allclose(axes["a"]["displacement_mm"], [moved] * 3 + [0.0] * 4, atol=1e-9)
+    before = readings["2026-05-07 12:00:00"]["axes"]["a"]
+    assert not any([*axes["b"]["displacement_mm"], *before["displacement_mm"]])
+    run("displacement ipi.dat --sensor-depths-m 0 2 4 6 8").refused("file-column")
+    assert "10 of 13" in run("displacement ipi.dat --sensor-depths-m 0 2 4 6 8 10 --step-sd-mm 0.05").ok().out
+    assert "TIMESTAMP" in run("check ipi.dat").out
+
+
 def test_names_units_and_layouts_of_others(run, two):
     one = displace(run, "--json").json["readings"]
     for name in ("base.csv", "later.csv"):

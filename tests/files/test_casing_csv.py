@@ -14,6 +14,13 @@ from inclinometry.files.casing_csv import read_casing, write_displacements
 from inclinometry.survey.displacement import displacement
 
 DEPTH = 0.5 * np.arange(1, 13)
+
+
+def one_reading(path, unit=None):
+    (found,) = read_casing(path, unit)
+    return found
+
+
 TILT = 0.02 + 0.001 * DEPTH
 
 
@@ -35,7 +42,7 @@ def casing(folder, columns, rows=None):
 def test_every_unit_is_the_same_casing(tmp_path, unit, size):
     """12 depths half a metre apart, the lowest first; 1 mm over one step is 1/500."""
     columns = {"depth_m": DEPTH, f"A+ ({unit})": size * TILT, f"A- ({unit})": -size * (TILT + 1e-4)}
-    found = read_casing(casing(tmp_path, columns, np.arange(11, -1, -1)))
+    found = one_reading(casing(tmp_path, columns, np.arange(11, -1, -1)))
     np.testing.assert_allclose(found.reading.depth, DEPTH)
     assert found.reading.step == pytest.approx(0.5)
     np.testing.assert_allclose(found.reading.faces["a"], np.stack([TILT, -TILT - 1e-4], axis=1), rtol=1e-12)
@@ -44,7 +51,7 @@ def test_every_unit_is_the_same_casing(tmp_path, unit, size):
 
 def test_degrees_feet_and_a_single_run(tmp_path):
     path = casing(tmp_path, {"depth_ft": DEPTH, "a0": np.degrees(np.arcsin(TILT))})
-    found = read_casing(path, "deg")
+    found = one_reading(path, "deg")
     assert found.reading.step == pytest.approx(0.5 * FOOT)
     np.testing.assert_allclose(found.reading.faces["a"][:, 0], TILT, rtol=1e-12)
     (one,) = found.findings
@@ -54,9 +61,9 @@ def test_degrees_feet_and_a_single_run(tmp_path):
 
 def test_readings_in_metres_that_are_taken_for_millimetres_are_too_straight_for_a_casing(tmp_path):
     columns = {"depth_m": DEPTH, "A+": 0.5 * TILT, "A-": -0.5 * TILT}
-    found = read_casing(casing(tmp_path, columns), "mm")
+    found = one_reading(casing(tmp_path, columns), "mm")
     assert [(one.code, one.values["unit"]) for one in found.findings] == [("readings-unit-small", "mm")]
-    assert read_casing(casing(tmp_path, columns), "m").findings == ()
+    assert one_reading(casing(tmp_path, columns), "m").findings == ()
 
 
 def spoilt(values, place, value):
@@ -91,7 +98,7 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
 def test_readings_that_cannot_be_meant(tmp_path, columns, line, words):
     """A text about columns, or the code of what is said of numbers."""
     with refused(words, error=FileError) as caught:
-        read_casing(casing(tmp_path, columns))
+        one_reading(casing(tmp_path, columns))
     assert caught.value.line == line
 
 
@@ -100,7 +107,7 @@ def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
     depth = 0.5 * np.arange(30)
     columns = {"depth_m": np.where(np.arange(30) == 7, 3.8, depth), "a0_sin": 0.02 + 0.001 * depth}
     with pytest.raises(FileError) as caught:
-        read_casing(casing(tmp_path, columns, np.arange(30)[::way]))
+        one_reading(casing(tmp_path, columns, np.arange(30)[::way]))
     found = caught.value.finding
     assert (found.code, found.values) == ("holes-depth-step", {"md_m": 3.8, "step_m": 0.5, "expected_m": 3.5})
     assert caught.value.line == (9 if way > 0 else 24)
@@ -108,25 +115,25 @@ def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
 
 def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(tmp_path):
     with refused("table-units", error=FileError):
-        read_casing(casing(tmp_path, A), "mm")
-    assert len(read_casing(casing(tmp_path, A), "sin").lines) == 12
-    assert len(read_casing(casing(tmp_path, A, np.arange(5))).lines) == 5
+        one_reading(casing(tmp_path, A), "mm")
+    assert len(one_reading(casing(tmp_path, A), "sin").lines) == 12
+    assert len(one_reading(casing(tmp_path, A, np.arange(5))).lines) == 5
     with refused("input-few", error=FileError):
-        read_casing(casing(tmp_path, A, np.arange(4)))
+        one_reading(casing(tmp_path, A, np.arange(4)))
     # a tape is read to a millimetre or two
-    assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
+    assert len(one_reading(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
     # from the bottom up a depth turns back where it is deeper than the one before
     with refused("holes-depth-order", error=FileError):
-        read_casing(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
+        one_reading(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
 
 
 def test_what_moved_is_written_in_millimetres(tmp_path):
     """One reading; its third step leans by 0.004 more, and one check-sum is a spike."""
     tilt = TILT + np.where(np.arange(12) == 2, 0.004, 0.0)
-    base = read_casing(casing(tmp_path, A)).reading
+    base = one_reading(casing(tmp_path, A)).reading
     noise = 1e-5 * np.random.default_rng(1).normal(size=12)
     spike = np.where(np.arange(12) == 7, 0.01, 0.0)
-    now = read_casing(casing(tmp_path, A | {"a0_sin": tilt, "a180_sin": -tilt + noise + spike})).reading
+    now = one_reading(casing(tmp_path, A | {"a0_sin": tilt, "a180_sin": -tilt + noise + spike})).reading
     moved = displacement(base, now)
     write_displacements(tmp_path / "d.csv", [("May", moved)])
     with (tmp_path / "d.csv").open() as stream:

@@ -220,7 +220,7 @@ def test_readings_of_a_stand_and_of_a_probe_behind_a_preamble(tmp_path):
         text(["DEPTH", "A0", "A180", "B0", "B180"], [depth, *faces], ",", "Project: Slope 4\nBorehole: BH-2\n")
     )
     with reading_with(None, "m"):
-        assert len(read_casing(tmp_path / "probe.csv", "digi-25000").reading.depth) == 8
+        assert len(read_casing(tmp_path / "probe.csv", "digi-25000")[0].reading.depth) == 8
 
 
 def test_no_unit_is_guessed_behind_a_preamble(tmp_path):
@@ -233,7 +233,7 @@ def test_levels_of_a_readout(tmp_path):
     rows = "".join(f"{depth / 2:.1f}, 500, -480, 300, -290\n" for depth in range(40, 0, -1))
     (tmp_path / "a.gkn").write_text(f"GK 604M\n#READINGS:40\nFLEVEL,    A+,     A-,     B+,     B-\n{rows}")
     with reading_with(None, "m"):
-        assert read_casing(tmp_path / "a.gkn", unit="digi-25000").reading.depth[0] == 0.5
+        assert read_casing(tmp_path / "a.gkn", unit="digi-25000")[0].reading.depth[0] == 0.5
 
 
 def test_the_names_of_euroc_stand_in_a_comment(tmp_path):

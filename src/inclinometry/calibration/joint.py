@@ -28,6 +28,7 @@ def calibrate_joint(
     nuisance_sd: Mapping[str, float] | None = None,
     field_prior: Mapping[str, tuple[ArrayLike, float]] | None = None,
     reference_sd: Mapping[str, float] | None = None,
+    off_scatter: Mapping[str, float] | None = None,
     temperature_degree: int | None = None,
     robust: bool = False,
     left_handed: bool = False,
@@ -39,7 +40,8 @@ def calibrate_joint(
     Parameters
     ----------
     readings : BenchReadings
-        At least as many stations as determine the parameters; any plan, any number of sensors.
+        At least as many stations as determine the parameters; any plan, any number of sensors. With readings off the
+        stand, the constant errors and the magnetism of the stand are found.
     noise_sd : mapping of kind to float or (m,) array_like, optional
         Standard deviation of each reading, in the signals' unit. When neither this nor `readings.sd` gives it, it is
         estimated from the residuals (restricted maximum likelihood).
@@ -55,6 +57,9 @@ def calibrate_joint(
         "dip", "north" -> standard deviation in rad of that angle of `readings.reference`: it enters the fit as an angle
         between the magnetic field and gravity, so the stand need not be level. Without it dip and north decide signs,
         and are believed only where the plan itself cannot tell. A north no better than 30 degrees decides signs only.
+    off_scatter : mapping of kind to float, optional
+        Standard deviation of a component of the field in the readings off the stand, in units of the field. Default:
+        estimated.
     temperature_degree : int, optional
         Degree of the polynomial in temperature. Default: chosen by information criterion.
     robust : bool
@@ -106,7 +111,9 @@ def calibrate_joint(
     """
     check_record(readings, BenchReadings, "calibrate_joint")
     enough(readings)
-    begun = begin(readings, noise_sd, rig_sd, nuisance_sd, field_prior, reference_sd, left_handed=left_handed)
+    begun = begin(
+        readings, noise_sd, rig_sd, nuisance_sd, field_prior, reference_sd, off_scatter, left_handed=left_handed
+    )
     said = check_start(begun) if diagnose else []
     if diagnose:
         begun, assumed = with_assumed_stand(begun)

@@ -14,11 +14,13 @@ from inclinometry.calibration.conventions import check_noise
 from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.initial_values import fix_signs, starting_state
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State
+from inclinometry.calibration.off_stand import GRID, OffLinear, OffStand, average
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.plausibility import refuse_odd
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.record import joint_calibration
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.stand_constants import stand_constants
 from inclinometry.calibration.structured import (
     Block,
     Evidence,
@@ -30,7 +32,7 @@ from inclinometry.calibration.structured import (
     undetermined_causes,
     with_repeating,
 )
-from inclinometry.calibration.temperature import choose_powers
+from inclinometry.calibration.temperature import choose_powers, powers_of
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.calibration.uncertainty_budget import UNDETECTED, parameter_causes
 from inclinometry.calibration.variance import (
@@ -42,7 +44,7 @@ from inclinometry.calibration.variance import (
     rig_guess,
     with_averaged_covariance,
 )
-from inclinometry.constants import KINDS
+from inclinometry.constants import KINDS, VECTORS
 from inclinometry.errors import (
     ConvergenceError,
     IdentifiabilityError,
@@ -52,6 +54,7 @@ from inclinometry.errors import (
     settled,
 )
 from inclinometry.findings import Finding, Value
+from inclinometry.least_squares import inverse_spd
 
 LEVEL, NORTH, DIP = np.radians([0.2, 0.5, 0.5])
 """How well a stand is taken to be levelled (spirit level), pointed at north (compass) and its dip known (field model)
@@ -69,6 +72,7 @@ class Start:
 
     free_noise : kinds whose noise is estimated.
     priors : what was stated of fields; the model's own may hold what was assumed besides.
+    off_scatter : kind -> stated scatter of readings off the stand, in units of the field.
     reference_temperature : of the tensors, degC.
     """
 
@@ -78,6 +82,7 @@ class Start:
     free_noise: frozenset[str]
     priors: Mapping[str, tuple[Array, Array]]
     left_handed: bool
+    off_scatter: Mapping[str, float]
     reference_temperature: float = 20.0
 
     @property
@@ -103,6 +108,7 @@ def begin(
     nuisance_sd: Mapping[str, float] | None = None,
     field_prior: Mapping[str, tuple[ArrayLike, float]] | None = None,
     reference_sd: Mapping[str, float] | None = None,
+    off_scatter: Mapping[str, float] | None = None,
     *,
     left_handed: bool = False,
 ) -> Start:
@@ -123,7 +129,7 @@ def begin(
     )
     state = starting_state(model)
     noise, free_noise = noise_guess(readings, noise_sd, model.linearise(state).residual)
-    begun = Start(readings, model.with_weights(noise, rig), state, free_noise, priors, left_handed)
+    begun = Start(readings, model.with_weights(noise, rig), state, free_noise, priors, left_handed, off_scatter or {})
     return replace(begun, state=begun.signed(state)[0])
 
 
@@ -166,6 +172,7 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
         if robust and outliers:
             fitted, kept = plain, np.delete(kept, [o.row for o in outliers])
     apart = bool(outliers) and not robust
+    fitted = with_off_stand(begun, fitted)
     if rig:
         # dials that must bear what was not modelled may leave the range of the linearisation
         with suppress(ConvergenceError):
@@ -182,6 +189,63 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
     if candidates is None:
         candidates = cause_probabilities(fitted, noise, {block.name for block in shown}) if look else []
     return Fit(begun, fitted, judged, plain, kept, outliers, shown, candidates, signs)
+
+
+def with_off_stand(begun: Start, fitted: Fitted) -> Fitted:
+    """The fit with the readings off the stand, and with the constant errors of the stand that they tell apart."""
+    off, model, state = begun.readings.off_stand, fitted.model, fitted.state
+    # two sensors do not give the length of a field
+    full = [kind for kind in VECTORS if kind in state.coefficients and state.coefficients[kind].shape[1] > 2]
+    channels = {} if off is None else {kind: off.channels[kind] for kind in full if kind in off.channels}
+    if off is None or not channels:
+        return fitted
+    for one in stand_constants(fitted):
+        count = one.columns.shape[2]
+        model, state = model.with_structure(state, one.columns, np.full(count, one.size), [one.name] * count)
+    heat = np.full(len(off), begun.reference_temperature) if off.temperature is None else off.temperature
+    powers = powers_of(heat, begun.reference_temperature, model.powers.shape[1] - 1)
+    stated = [begun.off_scatter.get(kind) for kind in VECTORS]
+    tried = [grid if sd is None else np.array([sd]) for grid, sd in zip(GRID, stated, strict=True)]
+    middle = np.array([one[len(one) // 2] for one in tried])
+    apart = OffStand(channels, powers, middle, np.full(len(off), 1.0), tried)
+    model = replace(model, off_stand=apart)
+    for _ in range(2):
+        fitted = fit_with_variances(model, state, begun.free_noise, begun.free_rig)
+        found = average(*off_stand_linear(fitted, apart), apart.tried)
+        apart = replace(apart, scatter=found.scatter, weight=found.weight)
+        model, state = replace(fitted.model, off_stand=apart), fitted.state
+    return fit_with_variances(model, state, begun.free_noise, begun.free_rig)
+
+
+def off_stand_linear(fitted: Fitted, apart: OffStand) -> tuple[OffLinear, Array, Array]:
+    """The readings off the stand at a fit, and what the stand alone says: covariance (p, p) and step (p,) from it."""
+    tool, _, _, width = fitted.model.columns()
+    alone = replace(fitted.model, off_stand=None).normal(fitted.state)
+    covariance = inverse_spd(alone.hessian)
+    return apart.linear(fitted.state.coefficients, tool, width), covariance, -covariance @ alone.gradient
+
+
+def off_stand_findings(begun: Start, fitted: Fitted) -> tuple[list[Finding], dict[str, float]]:
+    """Findings about the readings off the stand; kind -> scatter of a component in units of its field."""
+    off, apart = begun.readings.off_stand, fitted.model.off_stand
+    if off is None or apart is None:
+        return [], {}
+    from scipy.special import chdtrc
+
+    linear, covariance, step = off_stand_linear(fitted, apart)
+    found = average(linear, covariance, step, GRID)
+    said, far = list[Finding](), np.flatnonzero(apart.weight < 0.2)
+    chi, freedom = linear.misfit(apart.scatter, covariance, step)
+    if begun.off_scatter and chdtrc(freedom, chi) < 0.01:
+        place = max(map(VECTORS.index, begun.off_scatter), key=lambda at: found.scatter[at] / apart.scatter[at])
+        values: dict[str, Value] = {"kind": VECTORS[place], "found_percent": 100.0 * float(found.scatter[place])}
+        values |= {"stated_percent": 100.0 * float(apart.scatter[place])}
+        said, far = [Finding("bench-off-scatter", values)], far[:0]
+    said += [Finding("bench-off-far", {"station": off.station[row]}) for row in far]
+    gravity, field = apart.scatter.tolist()
+    shown: dict[str, Value] = {"count": len(off), "gravity_percent": 100.0 * gravity, "field_percent": 100.0 * field}
+    said.append(Finding("bench-off-stand", shown, severity="note"))
+    return said, {kind: sd for kind, sd in zip(VECTORS, (gravity, field), strict=True) if kind in apart.signals}
 
 
 def _fitted(begun: Start, look: bool) -> Fitted:
@@ -203,6 +267,12 @@ def result(done: Fit, name: str) -> Calibration:
     """The record of a fit; where causes were looked for, what they do not determine is in its covariance."""
     left = covariance_of_undetermined(done.candidates, done.fitted.covariance)
     fitted = with_averaged_covariance(done.fitted, done.start.free_noise, done.start.free_rig)
+    apart = done.fitted.model.off_stand
+    if apart is not None:
+        mean = average(*off_stand_linear(done.fitted, apart), apart.tried)
+        state = fitted.model.retract(fitted.state, mean.estimate)
+        covariance = fitted.covariance + mean.covariance - done.fitted.covariance
+        fitted = replace(fitted, state=state, at=fitted.model.linearise(state), covariance=covariance)
     fitted = replace(fitted, covariance=fitted.covariance + left)
     size, whole = fitted.model.parameters, np.diagonal(fitted.covariance)
     known = np.diagonal(left)[:size] / np.where(whole > 0.0, whole, 1.0)[:size]
@@ -210,6 +280,8 @@ def result(done: Fit, name: str) -> Calibration:
     found = joint_calibration(
         done.start.readings, done.used, fitted, name, done.start.reference_temperature, freedom=freedom
     )
+    said, scatter = off_stand_findings(done.start, done.fitted)
+    found = replace(found, findings=(*found.findings, *said), off_scatter=scatter)
     if not done.candidates:
         return found
     causes, response = parameter_causes(done.fitted, done.used)

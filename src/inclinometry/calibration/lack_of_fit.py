@@ -30,9 +30,9 @@ def lack_of_fit(fitted: Fitted, residuals: Residuals, looked_for: Sequence[Evide
         factor = float(np.exp(min(best.ratio, 20.0)))
         cause = Finding("bench-cause-likely", {"factor": factor, "cause": best.block.name})
     said: list[Finding] = []
-    freedom = fitted.degrees_of_freedom
-    if freedom > 0 and chdtrc(freedom, fitted.cost) < _RARE:
-        times = float(np.sqrt(fitted.cost / freedom))
+    cost, freedom = fitted.stand_misfit()
+    if freedom > 0 and chdtrc(freedom, cost) < _RARE:
+        times = float(np.sqrt(cost / freedom))
         said.append(Finding("bench-residuals-large", {"times": times, "cause": cause}))
     standardised = np.concatenate(list(residuals.standardised.values()), axis=1)
     names = [(kind, axis + 1) for kind, v in residuals.standardised.items() for axis in range(v.shape[1])]

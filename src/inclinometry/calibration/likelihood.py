@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Index, Mask
+from inclinometry.calibration.off_stand import OffStand
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.least_squares import Normal
 from inclinometry.rotations import cross_matrix, rotation_x, rotation_y, rotation_z, wrap_signed
@@ -133,6 +134,7 @@ class Model:
     #: (n,) the dial (0, 1, 2) whose error at one of its values it is; -1 for others
     structure_dial: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     structure_name: tuple[str, ...] = ()  #: (n,) the cause of each
+    off_stand: OffStand | None = None
 
     def with_weights(self, noise_sd: Array, rig_sd: Array, structure_sd: Array | None = None) -> Model:
         """The same readings with other standard deviations."""
@@ -303,7 +305,10 @@ class Model:
         return np.asarray(covariance)
 
     def field_rows(self, state: State) -> tuple[Array, Array, Array]:
-        """Known angles of the fields: found minus known (n,), derivatives (n, p), standard deviation (n,), rad."""
+        """Known angles and readings off the stand: found minus known (n,), derivatives (n, p), standard deviation (n,).
+
+        Angles in rad; readings off the stand are white.
+        """
         _, tangent, _, width = self.columns()
         off: list[float] = []
         sd: list[float] = []
@@ -329,7 +334,13 @@ class Model:
             off.append(difference)
             sd.append(known.sd)
             rows.append(row)
-        return np.array(off), np.reshape(rows, (len(rows), width)), np.array(sd)
+        found = np.array(off), np.reshape(rows, (len(rows), width)), np.array(sd)
+        if self.off_stand is None:
+            return found
+        apart = self.off_stand.linear(state.coefficients, self.columns()[0], width).known(self.off_stand.weight)
+        more = (*apart, np.full(len(apart[0]), 1.0))
+        first, second, third = (np.concatenate(pair) for pair in zip(found, more, strict=True))
+        return first, second, third
 
     def prior_information(self, state: State) -> Array:
         """Information (p, p) from the priors on field directions and nuisance parameters."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite, frozen
+from inclinometry.arrays import Array, Mask, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.calibration.undetermined import CHECKED, NOTHING_LEFT, OWN_AXES, few, few_directions, no_ellipsoid
@@ -155,11 +155,11 @@ class NormFit:
     bias: Array  #: (3,) signal units
     strength: float  #: length of the field, in the field's unit
     #: (9, 9) of (inverse 00, 01, 02, 11, 12, 22, bias 0, 1, 2), the inverse Fisher information scaled by the residual
-    #: variance. It holds for independent residuals: fit pose means, not their many samples, where errors of one pose
-    #: are common
+    #: variance, or a robust estimate's where there are outliers. It holds for independent residuals: fit pose means,
+    #: not their many samples, where errors of one pose are common
     covariance: Array
     residual: Array  #: (K,) length of the field minus strength, in the field's unit
-    rms: float  #: root mean square of `residual`
+    rms: float  #: root mean square of `residual`, without outliers
     cost: float  #: half the weighted sum of squares of `residual`
     distinct: int  #: number of distinct field directions (5 deg apart)
     findings: tuple[Finding, ...] = ()
@@ -226,7 +226,12 @@ class NormFit:
 
 
 def calibrate_norm(
-    signals: ArrayLike, strength: float = 1.0, weight: ArrayLike | None = None, *, kind: str = "signals"
+    signals: ArrayLike,
+    strength: float = 1.0,
+    weight: ArrayLike | None = None,
+    *,
+    kind: str = "signals",
+    robust: bool = True,
 ) -> NormFit:
     """Find the nine parameters of a triad from readings of a field of constant strength, by Levenberg-Marquardt.
 
@@ -240,6 +245,8 @@ def calibrate_norm(
         Inverse variances up to a factor, e.g. the number of samples in each mean. Default: 1.
     kind : str
         What its findings call the triad.
+    robust : bool
+        Name outliers and take their weight away; else plain least squares.
 
     Returns
     -------
@@ -255,7 +262,8 @@ def calibrate_norm(
 
     Notes
     -----
-    Minimises sum w (|T K (y - b)| - strength)^2, equation (10) of Tedaldi D., Pretto A., Menegatti E., "A robust and
+    Minimises sum w (|T K (y - b)| - strength)^2; where readings are outliers, which a finding names, Cauchy's loss of
+    the same. Equation (10) of Tedaldi D., Pretto A., Menegatti E., "A robust and
     easy to implement method for IMU calibration without external equipments", ICRA 2014.
 
     Examples
@@ -280,35 +288,69 @@ def calibrate_norm(
     # coverage is judged in the fitted ellipsoid where there is one: raw signals with a large offset all point one way
     count = require_coverage(kind, (y - start.centre) @ start.inverse.T, DIRECTIONS_NEEDED)
     findings = [] if start.proper else [Finding("fit-sphere", {"kind": kind})]
-    theta, information = _refine(y, w, start.inverse, start.centre, kind)
-    return _result(y, w, strength, theta, information, count, findings, kind)
+    theta, covariance, far = _refine(y, w, start.inverse, start.centre, kind, robust)
+    return _result(y, w, strength, theta, covariance, far, count, findings, kind)
 
 
-def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str) -> tuple[Array, Array]:
-    """Parameters (upper triangle in units of 1/size, centre in units of size) and their information, unit strength."""
+def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str, robust: bool) -> tuple[Array, Array, Mask]:
+    """Parameters (upper triangle in units of 1/size, centre in units of size), covariance, outliers; unit strength.
+
+    Least squares where no reading is an outlier, else Cauchy's loss, c^2 log(1 + (r / c)^2): c = 2.385 standard
+    deviations costs 5 % of efficiency. The covariance of such an estimate is the least squares' times E psi^2 / (E
+    psi')^2 (Huber, Robust Statistics, 1981, 7.6).
+    """
     size = 1.0 / np.cbrt(np.linalg.det(inverse))
     x = (y - centre) / size
     upper = np.linalg.cholesky((inverse * size).T @ (inverse * size)).T
     start = np.concatenate([[upper[i, j] for i, j in _UPPER], np.zeros(3)])
-    weight = w / w.mean()
+    root = np.sqrt(w / w.mean())
 
-    def normal(theta: Array) -> Normal:
+    def weighted(theta: Array) -> tuple[Array, Array]:
         residual, jacobian = _linearise(theta, x)
-        weighted = jacobian * weight[:, None]
-        return Normal(float(residual @ (weight * residual)), weighted.T @ residual, weighted.T @ jacobian)
+        return root * residual, root[:, None] * jacobian
 
+    def fitted(theta: Array, cut: float, tolerance: float = 1e-10) -> Array:
+        def normal(theta: Array) -> Normal:
+            residual, jacobian = weighted(theta)
+            share = (residual / cut) ** 2
+            cost = cut**2 * np.log1p(share).sum() if cut < np.inf else residual @ residual
+            down = jacobian / (1.0 + share)[:, None]
+            return Normal(float(cost), down.T @ residual, down.T @ jacobian)
+
+        return levenberg_marquardt(normal, theta, lambda theta, step: theta + step, tolerance=tolerance).estimate
+
+    from scipy.special import stdtrit
+
+    used, freedom = w > 0.0, int(np.sum(w > 0.0)) - 9
+    far, excess = np.zeros(len(y), dtype=bool), 1.0
     try:
-        fit = levenberg_marquardt(normal, start, lambda theta, step: theta + step)
+        estimate = fitted(start, np.inf)
+        if robust and freedom >= 9:  # fewer do not show the size of the noise
+            guarded = estimate
+            for _ in range(3):
+                residual, _ = weighted(guarded)
+                # 1.4826: of a normal distribution
+                sd = 1.4826 * np.median(np.abs(residual[used])) * np.sqrt(1.0 + 9.0 / freedom)
+                sd = max(float(sd), 1e-9)  # exact readings have no outliers
+                guarded = fitted(guarded, 2.385 * sd, 1e-3)
+            residual, _ = weighted(guarded)
+            far = np.abs(residual) > sd * stdtrit(0.4 * freedom, 1.0 - 0.0005 / len(y))
+            if far.any():
+                share = (residual[used] / (2.385 * sd)) ** 2
+                slope = np.mean((1.0 - share) / (1.0 + share) ** 2)
+                estimate, excess = guarded, np.sum((residual[used] / (1.0 + share)) ** 2) / freedom / slope**2
     except ConvergenceError:
         raise IdentifiabilityError(no_ellipsoid(kind)) from None
-    information = normal(fit.estimate).hessian
-    if np.any(fit.estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
+    residual, jacobian = weighted(estimate)
+    information = jacobian.T @ jacobian
+    if np.any(estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
         raise IdentifiabilityError(no_ellipsoid(kind))
+    variance = excess if far.any() else residual @ residual / max(len(y) - 9, 1)
     # back to the signals' own unit
     unitless = np.concatenate([np.full(6, size), np.full(3, 1.0 / size)])
-    theta = fit.estimate / unitless
+    theta = estimate / unitless
     theta[6:] += centre
-    return theta, information * np.outer(unitless, unitless)
+    return theta, np.linalg.inv(information * np.outer(unitless, unitless)) * variance, far
 
 
 def _upper(theta: Array) -> Array:
@@ -335,7 +377,8 @@ def _result(
     w: Array,
     strength: float,
     theta: Array,
-    information: Array,
+    covariance: Array,
+    far: Mask,
     count: int,
     findings: list[Finding],
     kind: str,
@@ -344,18 +387,20 @@ def _result(
     inverse = strength * _upper(theta)
     field = (y - theta[6:]) @ inverse.T
     residual = np.linalg.norm(field, axis=1) - strength
-    scatter = float(np.sqrt(np.mean(residual**2))) / strength
+    rms = float(np.sqrt(np.mean(residual[~far] ** 2)))
+    scatter = rms / strength
     # rms deviation of the length of the field, as a share of it, beyond which the readings lie on no ellipsoid: noise
     # about one attitude, which fits a small ellipsoid of its own, scatters by 0.42 in three dimensions
     largest_scatter = 0.1
     if scatter > largest_scatter:
         shares = {"scatter_percent": 100.0 * scatter, "allowed_percent": 100.0 * largest_scatter}
         raise IdentifiabilityError(Finding("fit-scatter", {"kind": kind, **shares}))
-    relative = w / w.mean()
-    freedom = max(len(y) - 9, 1)
-    variance = float(relative @ (residual / strength) ** 2) / freedom
+    if far.any():
+        worst = int(np.argmax(np.abs(residual)))
+        odd: dict[str, Value] = {"kind": kind, "count": int(far.sum()), "total": len(y), "reading": worst + 1}
+        odd |= {"off_percent": 100.0 * float(residual[worst]) / strength}
+        findings.append(Finding("fit-lengths-odd", odd, tuple(np.flatnonzero(far).tolist())))
     to_field = np.concatenate([np.full(6, strength), np.ones(3)])
-    covariance = np.linalg.inv(information) * variance * np.outer(to_field, to_field)
     if count < 2 * DIRECTIONS_NEEDED:
         findings.append(few(f"field directions of the {kind}", count, 2 * DIRECTIONS_NEEDED, CHECKED))
     if len(y) == 9:
@@ -364,9 +409,9 @@ def _result(
         frozen(inverse),
         frozen(theta[6:]),
         float(strength),
-        frozen(covariance),
+        frozen(covariance * np.outer(to_field, to_field)),
         frozen(residual),
-        float(np.sqrt(np.mean(residual**2))),
+        rms,
         0.5 * float(w @ residual**2),
         count,
         tuple(findings),

@@ -18,13 +18,17 @@ PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotat
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Tabular):
-    """Rig settings in order, rad. `roll_set` names stations that differ in toolface only."""
+    """Rig settings in order, rad. `roll_set` names stations that differ in toolface only.
+
+    off_stand : further attitudes, away from the stand.
+    """
 
     name: str
     azimuth: Array
     inclination: Array
     toolface: Array
     roll_set: Sequence[str] = ()
+    off_stand: Plan | None = None
 
     def __post_init__(self) -> None:
         for name in ("azimuth", "inclination", "toolface"):
@@ -50,7 +54,7 @@ class Plan(Tabular):
             raise out_of_range("repeats", count, "0 .. 2")
         rows = np.concatenate([np.arange(len(self)), np.array([0, len(self) // 2])[:count]])
         own = (*self.roll_set, *[""] * count) if self.roll_set else ()
-        return Plan(self.name, self.azimuth[rows], self.inclination[rows], self.toolface[rows], own)
+        return Plan(self.name, self.azimuth[rows], self.inclination[rows], self.toolface[rows], own, self.off_stand)
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: the settings, under the names they have in a file."""
@@ -139,6 +143,18 @@ def spread() -> Plan:
     return _from_degrees("spread", rows, [str(1 + k // 2) for k in range(len(rows))])
 
 
+def off_stand() -> Plan:
+    """Twelve attitudes to hold the tool in, away from the stand: a few degrees do not matter.
+
+    |g|, |b| and g.b there determine all of a tool but the turn of its axes, which only a stand shows.
+    """
+    rows = [
+        (45, 120, 135), (135, 60, 315), (135, 60, 180), (45, 120, 0), (45, 30, 270), (45, 0, 180),
+        (315, 120, 45), (90, 60, 45), (180, 120, 225), (270, 60, 90), (315, 90, 225), (135, 120, 315),
+    ]  # fmt: skip
+    return _from_degrees("off-stand", rows)
+
+
 def __dir__() -> list[str]:
     # the plans and what they are, for a person who completes the name
-    return ["Plan", "half", "orthogonal", "rotations", "six", "spread", "twelve", "two_face"]
+    return ["Plan", "half", "off_stand", "orthogonal", "rotations", "six", "spread", "twelve", "two_face"]

@@ -60,6 +60,8 @@ class BenchReadings(Tabular):
         `inclinometry.calibration.conventions.Dials`, which sets it.
     serial : str
         Serial number of the tool, where the readings state it.
+    off_stand : BenchReadings, optional
+        Readings of the same tool in attitudes away from the stand, without rig settings.
 
     Raises
     ------
@@ -84,6 +86,7 @@ class BenchReadings(Tabular):
     step: Mapping[str, ArrayLike] = field(default_factory=dict)
     counted: Sequence[str] = ()
     serial: str = ""
+    off_stand: BenchReadings | None = None
 
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):
@@ -161,6 +164,8 @@ class BenchReadings(Tabular):
             self.digest,
             self.step,
             self.counted,
+            self.serial,
+            self.off_stand,
         )
 
     def rounding(self, kind: str) -> Array:

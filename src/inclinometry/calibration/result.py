@@ -140,6 +140,7 @@ class Calibration(Tabular):
     shares : of a joint fit, cause -> (n, 3) share that it has in the variance from the calibration alone of
         inclination, azimuth, toolface, at `constants.SHORT_INCLINATIONS` and the azimuth and toolface where one reading
         is least certain; NaN for an angle that the tool does not give.
+    off_scatter : kind -> scatter of a component of its field in the readings off the stand, in units of the field.
     freedom : effective degrees of freedom nu of the variances that the readings gave, where `covariance` is the mean
         over them: nu / (nu - 2) times the covariance at their estimates. Infinite where all were stated; None where it
         is not known (other methods, older files).
@@ -160,6 +161,7 @@ class Calibration(Tabular):
     bent: Mapping[str, Array] = field(default_factory=dict)
     shares: Mapping[str, Array] = field(default_factory=dict)
     freedom: float | None = None
+    off_scatter: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def dip(self) -> float | None:

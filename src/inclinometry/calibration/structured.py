@@ -243,6 +243,7 @@ def cause_probabilities(fitted: Fitted, free_noise: Set[str], skip: Set[str] = f
     flat = jacobian.reshape(-1, width)
     explained = (inverse @ jacobian).reshape(-1, width) @ fitted.covariance  # V^-1 J C
     found = []
+    skip = skip | {MAGNETISED} if fitted.model.off_stand is not None else skip  # a constant of the stand
     for block in blocks(fitted, free_noise):
         if block.name in skip:
             continue

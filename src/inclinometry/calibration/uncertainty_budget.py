@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -54,7 +55,8 @@ def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str,
         information = np.zeros_like(prior)
         information[own, own] = prior[own, own]
         found[name] = found.get(name, 0.0) + brought(information)
-    stand = prior.copy()
+    stand = replace(model, off_stand=None).prior_information(fitted.state)
+    found["readings off the stand"] = brought(prior - stand)
     stand[structured, structured] = 0.0
     found["what is assumed of the stand"] = brought(stand)
     response = inverse @ weighted.reshape(-1, weighted.shape[2]).T

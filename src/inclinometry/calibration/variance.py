@@ -47,6 +47,8 @@ class _Restricted:
 
     def __init__(self, model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> None:
         self.jacobian, self.prior = at.jacobian, model.prior_information(state)
+        off, known, sd = model.field_rows(state)
+        self.pull, self.misfit = (known / sd[:, None] ** 2).T @ off, float(np.sum((off / sd) ** 2))
         # the residual without the estimated rig errors, since V accounts for them, and without the structured ones
         self.residual = without_rig_errors(model, at, state)
         # the parts of a station's covariance V = E E' + B B' are what each dial's error does, B, and each channel's
@@ -177,7 +179,7 @@ class _Restricted:
         blocks = self.size - 3
         rows = rows.reshape(*factors.shape[:-1], -1, rows.shape[-1])
         whole = np.tensordot(1.0 / factors[..., : blocks - 3], self.total, axes=1) - rows.swapaxes(-1, -2) @ rows
-        normal, pulled = whole[..., :-1, :-1] + self.prior, whole[..., :-1, -1]  # J' V^-1 J, J' V^-1 y
+        normal, pulled = whole[..., :-1, :-1] + self.prior, whole[..., :-1, -1] + self.pull  # J' V^-1 J, y
         channels = np.array([at.stop - at.start for at in self.channels])
         spread = spread + self.log_noise + len(self.residual) * np.log(factors[..., : blocks - 3]) @ channels
         repeating = factors[..., blocks:]
@@ -202,7 +204,7 @@ class _Restricted:
         root = root * scale[..., :, None]
         log_normal = log_normal - 2.0 * np.log(scale).sum(axis=-1)
         white = (root.swapaxes(-1, -2) @ pulled[..., None])[..., 0]
-        misfit = whole[..., -1, -1] - np.sum(white**2, axis=-1)
+        misfit = whole[..., -1, -1] + self.misfit - np.sum(white**2, axis=-1)
         logs = np.log(factors) @ self.alike.T + self.offset
         value = np.asarray(spread + log_normal + misfit + np.sum(logs**2, axis=-1))
         return value, np.asarray(root), np.asarray((root @ white[..., None])[..., 0])
@@ -384,6 +386,16 @@ class Fitted:
     def degrees_of_freedom(self) -> int:
         """Readings minus parameters; the rig errors, random or structured, are none."""
         return int(self.at.residual.size - self.model.columns()[2].stop)
+
+    def stand_misfit(self) -> tuple[float, float]:
+        """Chi-square of the stations and its degrees of freedom, the readings off the stand left out."""
+        apart, state = self.model.off_stand, self.state
+        if apart is None:
+            return self.cost, self.degrees_of_freedom
+        tool, _, _, width = self.model.columns()
+        off, rows = apart.linear(state.coefficients, tool, width).known(apart.weight)
+        followed = float(np.sum((rows @ self.covariance) * rows))
+        return self.cost - float(off @ off), self.degrees_of_freedom + followed
 
     @property
     def tangents(self) -> Array:

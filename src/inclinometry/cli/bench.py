@@ -289,6 +289,7 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "tool": found.tool.name,
         "stations": len(found.residuals.station),
         "rig_sd_deg": np.degrees(found.rig.sd),
+        "off_stand": _off_stand(found, data),
         "noise": {in_unit(kind, found.tool.triads[kind].unit): v for kind, v in found.tool.noise.items()},
         "residual_rms": {
             in_unit(kind, found.tool.triads[kind].unit): np.sqrt(np.mean(v**2, axis=0))
@@ -300,6 +301,18 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "second_harmonics": None if second is None else _harmonics(second),
         "findings": found.findings,
     }
+
+
+def _off_stand(found: Calibration, data: BenchReadings) -> dict[str, Any] | None:
+    """How many readings off the stand there are and their scatter: share of the field, nT where that is known."""
+    if data.off_stand is None or not found.off_scatter:
+        return None
+    share, field = found.off_scatter, data.reference.get("b")
+    told: dict[str, Any] = {
+        "readings": len(data.off_stand),
+        "scatter_percent": {k: 100.0 * v for k, v in share.items()},
+    }
+    return told | ({"scatter_nT": share["magnetometer"] * field} if field and "magnetometer" in share else {})
 
 
 def _budget(found: Calibration, expected: ExpectedUncertainty, data: BenchReadings) -> dict[str, Any] | None:
@@ -378,7 +391,9 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
     rig = f"rig settings: standard deviation {sd.max():.3f} deg" if found.field_directions else "without a rig"
-    output.print_line(f"method {found.method}, {stations}, {rig}")
+    shown = [f"{100.0 * sd:.2g} % ({kind})" for kind, sd in found.off_scatter.items()]
+    away = [f"readings off the stand: scatter {', '.join(shown)} of the field"] if shown else []
+    output.print_line(", ".join([f"method {found.method}", stations, rig, *away]))
 
 
 def compare(

@@ -16,10 +16,12 @@ from inclinometry.workflow.displacement import Movement, casing_movement
 
 def displacement(
     base: Path,
-    later: Path,
     /,
-    *more: Path,
+    *later: Path,
     unit: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    sensor_depths: Annotated[
+        list[float] | None, Parameter(name="--sensor-depths-m", consume_multiple=True, negative="", group=options.INPUT)
+    ] = None,
     fixed: Annotated[Literal["bottom", "top"], Parameter(name="--from")] = "bottom",
     spike_limit: Annotated[float, options.quantity("", 0.0, 1e9, above=True)] = SPIKE_LIMIT,
     step_sd: Annotated[float | None, options.quantity("mm", 0.0, 100.0)] = None,
@@ -42,12 +44,13 @@ def displacement(
     base
         Base reading: depth_m, A0, A180 and, if read, B0, B180, one step apart.
     later
-        A later reading of the same depths.
-    more
-        Further readings, each compared with the base reading.
+        Later readings of the same depths, each compared with the base reading. None if the base file has several
+        dates: the first is the base.
     unit
         Unit of columns whose names state none: digi-25000 or digi-N, that is N times the sine of the tilt; sin, deg;
         m, mm, ft or in per step.
+    sensor_depths
+        Of an in-place string: depth of the upper end of sensors 1, 2 .., m. Columns are A(1), A(2) .., a row a reading.
     fixed
         End of the casing that is fixed.
     spike_limit
@@ -70,12 +73,13 @@ def displacement(
         CSV of all readings.
     """
     inputs: dict[str, Path | None] = {"the base reading": base}
-    inputs |= {f"reading {n}": path for n, path in enumerate((later, *more), 1)}
+    inputs |= {f"reading {n}": path for n, path in enumerate(later, 1)}
     output.check_outputs({"--output": output_, "--report": report}, inputs)
     errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
     moved = casing_movement(
-        base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct or ()
-    )
+        base, later, unit, errors, fixed=fixed, spike_limit=spike_limit, correct=correct or (),
+        sensors=sensor_depths or (),
+    )  # fmt: skip
     told = moved.base_sums, moved.found, moved.findings, moved.inputs, moved.base.reading.depth
     with output.reported(report, "displacement:displacement_report", moved.base.table.path.stem, *told):
         if output_ is not None:
@@ -84,17 +88,20 @@ def displacement(
     if json:
         output.print_json(_content(moved, a0_azimuth))
         return
-    _show(moved, a0_azimuth)
+    _show(moved, a0_azimuth, not sensor_depths)
     output.print_outputs(output_, report, what="displacements")
 
 
-def _show(moved: Movement, a0_azimuth: float | None) -> None:
+def _show(moved: Movement, a0_azimuth: float | None, judged: bool) -> None:
     step = 1000.0 * moved.base.reading.step
     rows = [_sums_row(moved.base.table.path.stem, axis, sums, step) for axis, sums in moved.base_sums.items()]
-    rows += [_sums_row(n, axis, one.sums, step) for n, d in moved.found.items() for axis, one in d.axes.items()]
-    output.table("check-sums, mm a step", ["reading", "axis", "mean", "sd", "robust sd", "spikes"], rows)
+    names = [list(moved.found)[k] for k in output.spread(len(moved.found), 10)]
+    rows += [_sums_row(n, axis, one.sums, step) for n in names for axis, one in moved.found[n].axes.items()]
+    if judged:
+        output.table("check-sums, mm a step", ["reading", "axis", "mean", "sd", "robust sd", "spikes"], rows)
     rows = []
-    for name, found in moved.found.items():
+    for name in names:
+        found = moved.found[name]
         for axis, one in found.axes.items():
             worst = int(np.argmax(np.abs(one.displacement)))
             # at the end that is free to move the uncertainty is the largest
@@ -111,7 +118,8 @@ def _show(moved: Movement, a0_azimuth: float | None) -> None:
             rows.append([name, way, *cells, f"{found.depth[worst]:g}"])
     end = "top" if next(iter(moved.found.values())).fixed == "bottom" else "bottom"
     header = ["reading", "axis", f"{end} mm", "U mm", "largest mm", "U mm", "at m"]
-    output.table("displacement since the base reading", header, rows, "U: expanded uncertainty, k = 2")
+    title = f"displacement since the base reading{output.excerpt(len(names), len(moved.found))}"
+    output.table(title, header, rows, "U: expanded uncertainty, k = 2")
 
 
 def _azimuth(angle: Any) -> Any:

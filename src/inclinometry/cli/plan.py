@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -43,6 +44,7 @@ def plan(
     azimuths: int | None = None,
     seed: int | None = None,
     repeats: int = 0,
+    off_stand: options.Flag = False,
     json: Json = False,
 ) -> None:
     """Write the rig settings of a calibration plan.
@@ -75,7 +77,10 @@ def plan(
         Optimal plan: seed of the search. Default: 1.
     repeats
         Positions repeated at the end, 1 or 2; they show drift during the run.
+    off_stand
+        Add twelve attitudes away from the stand, by hand and without dials: they show the magnetism of the stand.
     """
+    from inclinometry.calibration.plans import off_stand as away
     from inclinometry.workflow.plan import advice, gain_of_repeats, make_plan, plan_file
 
     output.check_outputs({"--output": output_}, {"plan": plan_file(name)})
@@ -95,14 +100,18 @@ def plan(
             progress=progress,
         )
     whole = found.repeated(repeats)
+    if off_stand:
+        whole = replace(whole, off_stand=away())
     gain = gain_of_repeats(found, repeats) if repeats and name != "six" else ""
     write_plan(whole, output_)
     output.findings(advice(name))
     if json:
         told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": advice(name)}
+        told |= {"off_stand": len(whole.off_stand)} if whole.off_stand else {}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
-    output.print_line(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")
+    away_too = f" and {output.counted(len(whole.off_stand), 'attitude')} off the stand" if whole.off_stand else ""
+    output.print_line(f"{found.name}: {output.counted(len(whole), 'station')}{away_too} written to {output_}")
     if gain:
         output.print_line(f"  {output.counted(repeats, 'position')} visited once more at the end: {gain}")
 

@@ -75,6 +75,7 @@ def bench(
     ] = None,
     temperature_degree: int = 0,
     misread: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    off_stand_scatter: Annotated[float, options.quantity("nT")] = 30.0,
     json: options.Json = False,
 ) -> None:
     """Simulate bench readings of a plan.
@@ -115,6 +116,8 @@ def bench(
         Degree of the tool's temperature dependence.
     misread
         Faults STATION:DIAL:DEGREES, e.g. 7:toolface:30. Default: none.
+    off_stand_scatter
+        Readings off the stand, if the plan has them: scatter of each component of the magnetic field.
     """
     from inclinometry.files.bench_csv import write_bench
     from inclinometry.files.tool_json import write_truth
@@ -153,14 +156,16 @@ def bench(
         temperature_degree=temperature_degree,
         truth=again,
         characteristic=sensors.characteristics(),
+        off_stand_scatter=off_stand_scatter,
     )
     write_bench(readings, output_)
     if truth is not None:
         write_truth(drawn, extras, truth)
     output.findings(readings.findings)
-    _done(
-        output.counted(len(readings), "station"), json, {"stations": len(readings), "output": output_, "truth": truth}
-    )
+    told = {"stations": len(readings), "output": output_, "truth": truth}
+    off = readings.off_stand
+    more = f" and {output.counted(len(off), 'reading')} off the stand" if off else ""
+    _done(output.counted(len(readings), "station") + more, json, told | ({"off_stand": len(off)} if off else {}))
 
 
 def well(

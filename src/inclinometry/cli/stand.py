@@ -53,6 +53,8 @@ class FitOptions:
     """Fit the zero error of the inclination dial with this prior. Default: not fitted."""
     nonorthogonality_sd: SdOrNone = None
     """Fit the non-orthogonality of the rig axes with this prior. Default: not fitted."""
+    off_stand_scatter: Annotated[float | None, quantity("nT", 0.0, 1e5, above=True)] = None
+    """Scatter of the magnetic field's components in readings off the stand (joint only). Default: estimated."""
     temperature_degree: int | None = None
     """Degree of the temperature polynomial. Default: chosen by information criterion."""
 

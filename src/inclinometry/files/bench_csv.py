@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,21 +35,58 @@ from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.tabular import channel_columns, check_record
 
+PARTS: Final = ("stand", "off")
+"""Cells of the column `part`: on the stand, or away from it, where no dial is read."""
+
 
 def read_plan(path: str | Path) -> Plan:
     """Read a plan; its name is the file's without the ending."""
     table = read_table(path, numeric=numbers_among(PLAN))
     table.unknown(PLAN)
+    table, free = _parts(table)
     settings = need_settings(table)
     roll_set = table.text("roll_set") if "roll_set" in table else ()
-    return Plan(Path(path).stem, *settings, roll_set if any(roll_set) else ())
+    off = None if free is None else Plan("off-stand", *need_settings(free))
+    return Plan(Path(path).stem, *settings, roll_set if any(roll_set) else (), off)
+
+
+def _parts(table: Frame) -> tuple[Frame, Frame | None]:
+    """Rows on the stand, and rows off it by the column `part`."""
+    part = table.text("part") if "part" in table else ()
+    other = next((row for row, cell in enumerate(part) if cell not in PARTS), None)
+    if other is not None:
+        facts: dict[str, Value] = {"name": "part", "value": part[other], "allowed": PARTS}
+        raise table.error(Finding("input-choice", facts), other)
+    off = np.array([cell == PARTS[1] for cell in part], dtype=bool)
+    stand, free = (table.rows(~off), table.rows(off)) if off.any() else (table, None)
+    if not len(stand):
+        raise table.error(Finding("bench-no-angles"))
+    for name in (name for name in ANGLES if name in stand):
+        if (empty := np.isnan(stand.number(name))).any():
+            raise stand.error(Finding("table-empty", {"column": name}), int(np.argmax(empty)))
+    return stand, free
 
 
 def write_plan(plan: Plan, path: str | Path) -> None:
     """Write a plan, angles rounded to 1e-10 deg; stations are numbered from 1."""
-    columns: dict[str, Array | Sequence[str] | None] = {"station": [str(i + 1) for i in range(len(plan))]}
-    columns |= {f"{name}_deg": writing.degrees(getattr(plan, name)) for name in DIALS}
-    writing.write_columns({**columns, "roll_set": plan.roll_set or None}, path)
+    parts = [plan] if plan.off_stand is None else [plan, plan.off_stand]
+    columns = [{k: v for k, v in part.to_dict().items() if k != "station"} for part in parts]
+    number = [str(i + 1) for i in range(sum(map(len, parts)))]
+    writing.write_columns({"station": number, **_below(columns)}, path)
+
+
+def _below(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Rows of the stand and below them those off it, if any, without settings of dials; constants hold for both."""
+    if len(tables) == 1:
+        return dict(tables[0])
+    sizes = [len(next(iter(table.values()))) for table in tables]
+    found: dict[str, Any] = {"part": [part for part, size in zip(PARTS, sizes, strict=True) for _ in range(size)]}
+    for name, first in tables[0].items():
+        number = isinstance(first, np.ndarray)
+        same = first[0] if number and name in REFERENCES else np.nan
+        both = [t.get(name, np.full(n, same) if number else [""] * n) for t, n in zip(tables, sizes, strict=True)]
+        found[name] = np.concatenate(both) if number else [cell for cells in both for cell in cells]
+    return found
 
 
 # Equal extremes that the attitudes alone do not give away: judged by noise, and by the field's direction.
@@ -440,7 +478,8 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     ----------
     path : str or Path
         CSV as `table.read_table` understands it. Columns: `station`, `azimuth_deg`, `inclination_deg`, `toolface_deg`
-        (all three, or none for the field method), `temperature_degC`, any of the triads `accel_`, `mag_`, `gyro_` with
+        (all three, or none for the field method), `part` (stand, or off for readings away from it, whose angles are
+        not used), `temperature_degC`, any of the triads `accel_`, `mag_`, `gyro_` with
         axes `x, y, z`, or `x, y`, or `1, 2, .. m`, optionally with a unit (`accel_x_m_s2`); `<channel>_sd` (standard
         deviation of one reading), `count` (readings averaged in a row), `roll_set` (else of the profile), and the
         constants of the stand `reference_g_m_s2`, `reference_b_nT`, `reference_dip_deg`.
@@ -469,9 +508,20 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     array([[1., 2.],
            [3., 1.]])
     """
-    table = read_table(path, progress, numeric=numbers_among(BENCH))
+    table = read_table(path, progress, numeric=numbers_among(BENCH), gaps=ANGLES)
     unused = table.unknown((*BENCH, *SERIALS))
-    signals, settings = read_signals(table), read_settings(table)
+    table, free = _parts(table)
+    found = _stations_of(table, read_settings(table), unused)
+    if free is None:
+        return found
+    off = _stations_of(free, None, ())
+    own = [one for one in off.findings if one not in found.findings]
+    return replace(found, off_stand=off, findings=(*found.findings, *own))
+
+
+def _stations_of(table: Frame, settings: Settings | None, unused: Sequence[Finding]) -> BenchReadings:
+    """The readings of a table's stations."""
+    signals = read_signals(table)
     warned = [*signals.findings, *unused]
     temperature, count = read_temperature(table), _count(table)
     station = _stations(table)
@@ -502,9 +552,9 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     except FileError:
         raise
     except InputError as error:
-        raise in_file(error, path) from None
+        raise in_file(error, table.path) from None
     except FloatingPointError:
-        raise FileError(Finding("input-overflow", {"name": "readings"}), path=path) from None
+        raise FileError(Finding("input-overflow", {"name": "readings"}), path=table.path) from None
 
 
 def _merged(
@@ -602,6 +652,11 @@ def write_bench(readings: BenchReadings, path: str | Path) -> None:
     The unit stands in the channels' names (`accel_x_m_s2`) where it is one the reader knows; counts need none.
     """
     check_record(readings, BenchReadings, "write_bench")
+    parts = [readings] if readings.off_stand is None else [readings, readings.off_stand]
+    writing.write_columns(_below([_columns(part) for part in parts]), path)
+
+
+def _columns(readings: BenchReadings) -> dict[str, Array | Sequence[str]]:
     columns: dict[str, Array | Sequence[str] | None] = {"station": readings.station}
     if readings.azimuth is not None:
         columns |= {f"{name}_deg": writing.degrees(angle) for name, angle in zip(DIALS, readings.dials, strict=True)}
@@ -616,7 +671,7 @@ def write_bench(readings: BenchReadings, path: str | Path) -> None:
         if key in readings.reference:
             value = readings.reference[key]
             columns[name] = np.full(len(readings), writing.degrees(value) if key == "dip" else value)
-    writing.write_columns(columns, path)
+    return {name: values for name, values in columns.items() if values is not None}
 
 
 def write_raw_survey(

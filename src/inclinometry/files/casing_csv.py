@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -16,6 +17,7 @@ from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import same
 from inclinometry.files.profile import current
 from inclinometry.files.table import TableFile
+from inclinometry.files.timestamps import part_of_time
 from inclinometry.files.writing import joined, write_columns
 from inclinometry.findings import Finding, Value
 from inclinometry.survey.displacement import CasingReading, Displacement, check_reading
@@ -26,6 +28,11 @@ UNITS: Final = ("digi-25000", "digi-N", "sin", "deg", "m", "mm", "ft", "in")
 _CONSTANT: Final = re.compile(r"digi\W?([1-9]\d{2,6})", re.ASCII)
 _LEAST_DEG: Final = 0.03
 """Tilt that some step of every casing exceeds: drilling and grouting leave tenths of a degree."""
+_DEPTHS: Final = 5
+"""Steps below which a scatter of check-sums says nothing."""
+_SENSOR: Final = re.compile(
+    r"(?:(?:.*[a-z\W_\d])?([AB])(?:[\W_]*axis)?[\W_]*(\d+)\)?|\D*(\d+)[\W_]*([AB]))(?:\s*[(\[]([\w -]+)[)\]])?"
+)
 _FACE = re.compile(r"(?:face[ _]?)?([ab])[ _]?(0|180|\+|-)(?:(?:[ _]+|\s*[(\[])([\w -]+?)[)\]]?)?", re.IGNORECASE)
 
 
@@ -71,29 +78,87 @@ def _level(unit: str, step: float) -> float:
     return step / unit_factor(unit, "m")[0]
 
 
-def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
-    """Read one reading of a casing; `unit` is that of columns that name none.
+def sensor(name: str) -> tuple[Face, int] | None:
+    """The face and the number of a sensor of an in-place string by the name of its column; None for another column.
+
+    >>> sensor("Tilt_A(12) (Deg)"), sensor("IPI3_B"), sensor("PTemp (C)")
+    ((('a', 0, 'deg'), 12), (('b', 0, ''), 3), None)
+    """
+    found = _SENSOR.fullmatch(name.strip())
+    if found is None:
+        return None
+    return ((found[1] or found[4]).lower(), 0, _unit(found[5] or "")), int(found[2] or found[3])
+
+
+def read_casing(path: str | Path, unit: str | None = None, sensors: Sequence[float] = ()) -> list[CasingFile]:
+    """Read the readings of a casing, one of each date that the table has; `unit` is that of columns that name none.
 
     Columns: depth with its unit (depth_m), a0, a180 and, where it was read, b0, b180 (A+, A-, B+, B-), each with a unit
-    of `UNITS`; a180 and b180 may both be missing. Rows from top to bottom, or from bottom to top, evenly spaced.
+    of `UNITS`; a180 and b180 may both be missing. Rows from top to bottom, or from bottom to top, evenly spaced. Of an
+    in-place string `sensors` are the depths of the upper ends of sensors 1, 2 .., m; each row is a reading.
     """
     stated = current().units
     opened = TableFile(path)
     names = opened.names
     columns: dict[str, Face] = {}
     depths: dict[str, float] = {}
+    places: dict[str, int] = {}
     try:
         for name in names:
             found = face(name)
-            if found is not None:
+            if sensors:
+                if (at := sensor(name)) is not None:
+                    columns[name], places[name] = at
+            elif found is not None:
                 columns[name] = found
             elif (factor := factor_of(name, hole_names("casing"), "m", stated)) is not None:
                 depths[name] = factor
     except InputError as error:
         raise in_file(error, path) from None
     table = opened.read(lambda name: name in depths or name in columns)
+    dates = [table.text(name) for name in names if part_of_time(name)]
+    rows = [" ".join(cells) for cells in zip(*dates, strict=True)] or [Path(path).name] * len(table)
+    if sensors:
+        return _string(table, columns, places, sensors, unit, rows)
     if len(depths) != 1:
         raise table.error(same(tuple(depths)) if depths else table.lacking("depth_m"))
+    several = dict.fromkeys(rows) if len(table) >= _DEPTHS * len(set(rows)) else {}
+    if len(several) < 2:
+        return [_reading(table, columns, depths, unit, Path(path).name)]
+    return [_reading(table.rows(np.array(rows) == date), columns, depths, unit, date) for date in several]
+
+
+def _string(
+    table: Frame,
+    columns: Mapping[str, Face],
+    places: Mapping[str, int],
+    depths: Sequence[float],
+    unit: str | None,
+    dates: Sequence[str],
+) -> list[CasingFile]:
+    """The readings of an in-place string, one a row."""
+    faces, values = dict[str, Face](), dict[str, Array]()
+    for axis in sorted({"a", *(axis for axis, _, _ in columns.values())}):
+        own = {places[name]: name for name, (of, _, _) in columns.items() if of == axis}
+        lost = [f"{axis.upper()}({k})" for k in range(1, len(depths) + 1) if k not in own]
+        if lost or len(own) > len(depths):
+            raise table.error(table.lacking(*lost, "--sensor-depths-m"))
+        faces[axis] = columns[own[1]]
+        values[axis] = np.stack([table.number(own[k]) for k in sorted(own)], axis=1)
+    found = []
+    for row, date in enumerate(dates):
+        cells = {"depth_m": np.array(depths), **{axis: x[row] for axis, x in values.items()}}
+        one = replace(table, columns=cells, lines=np.full(len(depths), table.lines[row]))
+        reading = _reading(one, faces, {"depth_m": 1.0}, unit, date)
+        # a sensor that stays keeps its bias
+        found.append(reading._replace(findings=tuple(f for f in reading.findings if f.code != "holes-unknown")))
+    return found
+
+
+def _reading(
+    table: Frame, columns: Mapping[str, Face], depths: Mapping[str, float], unit: str | None, called: str
+) -> CasingFile:
+    """One reading."""
     _runs(table, columns)
     (name, factor), = depths.items()  # fmt: skip
     depth = table.number(name) * factor
@@ -104,11 +169,11 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
         runs = sorted((run, name) for name, (of, run, _) in columns.items() if of == axis)
         sines = [_sines(table, name, columns[name][2], unit, step) for _, name in runs]
         faces[axis] = frozen(np.stack(sines, axis=1)[order])
-    reading = CasingReading(frozen(depth[order]), step, faces, Path(path).name)
+    reading = CasingReading(frozen(depth[order]), step, faces, called)
     try:
         said = tuple(check_reading(reading))
     except InputError as error:
-        raise in_file(error, path, table.header_line) from None
+        raise in_file(error, table.path, table.header_line) from None
     most = max(float(np.degrees(np.arcsin(np.abs(reading.deviation(axis)).max() / step))) for axis in faces)
     if 0.0 < most < _LEAST_DEG:
         of = next(unit for _, _, unit in columns.values()) or _unit(unit or "")
@@ -135,9 +200,8 @@ def _runs(table: Frame, found: Mapping[str, Face]) -> None:
 
 def _order(table: Frame, depth: Array) -> Index:
     """Rows from top to bottom; FileError where depths repeat, turn back or leave the even grid."""
-    least = 5  # steps below which a scatter of check-sums says nothing
-    if len(depth) < least:
-        raise table.error(Finding("input-few", {"name": "depths", "count": len(depth), "least": least}))
+    if len(depth) < _DEPTHS:
+        raise table.error(Finding("input-few", {"name": "depths", "count": len(depth), "least": _DEPTHS}))
     steps = np.diff(depth)
     way = np.sign(np.median(steps)) or 1.0
     if (bad := np.flatnonzero(way * steps <= 0.0)).size:

@@ -12,14 +12,14 @@ from inclinometry.constants import PREFIXES as PREFIXES
 from inclinometry.constants import UNIT_LABELS as UNIT_LABELS
 from inclinometry.findings import Finding
 
-TEXT = ("station", "roll_set", "azimuth_reference", "flags")
+TEXT = ("station", "part", "roll_set", "azimuth_reference", "flags")
 ANGLES = ("azimuth_deg", "inclination_deg", "toolface_deg")
 REFERENCES = ("reference_g_m_s2", "reference_b_nT", "reference_dip_deg")
-BENCH = ("station", *ANGLES, "temperature_degC", "count", "roll_set", *REFERENCES)
+BENCH = ("station", "part", *ANGLES, "temperature_degC", "count", "roll_set", *REFERENCES)
 SERIALS = ("serial", "serial_number", "tool_serial")
 RAW_SURVEY = ("md_m", "md_ft", "temperature_degC")
 LOG = ("time_s", "temperature_degC")
-PLAN = ("station", *ANGLES, "roll_set")
+PLAN = ("station", "part", *ANGLES, "roll_set")
 GYRO_RUN = ("station", "md_m", "md_ft", "index_deg", "temperature_degC", "time_s")
 SURVEY_QUANTITIES = {
     "md": "md_m", "inclination": "inclination_deg", "azimuth": "azimuth_deg", "azimuth_reference": "azimuth_reference",

@@ -31,6 +31,8 @@ LEGS: Final = re.compile(
     re.I,
 )
 """Above the legs of a cave: names, in a comment or not; a command of Survex, Therion, Compass or Walls."""
+TOA5: Final = re.compile('"?TOA5"?,')
+"""Begins a file of a Campbell logger: the station, names, units, what the logger computed, then the rows."""
 LOOKED: Final = 400
 """Lines by which a layout is found."""
 
@@ -63,7 +65,7 @@ def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
 
 def find_layout(lines: list[str]) -> tuple[Profile, str]:
     """How the lines are cut into cells, and where the names and the rows begin."""
-    if not lines:
+    if not lines or TOA5.match(lines[0]):
         return PLAIN, "a table of its own format"
     named = named_place(lines)
     if named is not None:
@@ -227,6 +229,11 @@ class TextTable:
         if given.states_layout:
             return given
         refuse_legs(lines, self.path, first.first)
+        if TOA5.match(lines[0]) and len(lines) > 4:
+            lines[2] = re.sub(r'"?\b(TS|RN)\b"?', '""', lines[2])
+            lines[0] = lines[3] = ""
+            first.lines[:4] = lines[:4]
+            return with_layout(given, Profile(separator=",", units_row=True))
         place = named_place(lines)
         if place is not None:
             row = first.lines[place]

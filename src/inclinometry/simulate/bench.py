@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -236,6 +237,38 @@ def simulate_bench(
         field_directions=directions,
         **vars(sensed),
     )
+
+
+def simulate_off_stand(
+    tool: Tool,
+    rig: Rig,
+    attitudes: ArrayLike,
+    scatter: float,
+    *,
+    noise: Mapping[str, ArrayLike] | None = None,
+    bits: int | None = None,
+    repeats: int = 1,
+    temperature: ArrayLike | None = None,
+    characteristic: Mapping[str, Characteristic] | None = None,
+    seed: Seed,
+) -> Sensed:
+    """Readings of a true tool held by hand away from the stand, in the same field.
+
+    attitudes : (K, 3) azimuth, inclination, toolface, rad, kept to some 5 degrees. scatter : nT of each component of
+    the magnetic field from place to place. The others as in `simulate_bench`.
+    """
+    streams = Streams(seed, "off stand")
+    held = finite(attitudes, "attitudes", (None, 3))
+    turned = dcm(*(held + np.radians(5.0) * streams["hand"].normal(size=held.shape)).T)
+    fields = {kind: turned @ field_direction(kind, rig.dip, rig.latitude, rig.declination) for kind in tool.triads}
+    if "magnetometer" in fields:
+        strength = tool.triads["magnetometer"].field_strength
+        if strength is None:
+            raise refused("simulate-strength", {"kind": "magnetometer"})
+        fields["magnetometer"] = fields["magnetometer"] + scatter / strength * streams["place"].normal(size=held.shape)
+    heat = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), (len(held),))
+    more: dict[str, Any] = {"noise": noise, "bits": bits, "repeats": repeats, "characteristic": characteristic}
+    return sense(tool, fields, streams, temperature=heat, **more)
 
 
 def simulate_benches(

@@ -120,6 +120,7 @@ class Options:
 
     rig_sd : of a setting of any dial. north : azimuth of the rig's zero from magnetic north.
     accel_step and so on : of the converter in the unit of the signals. 0 for none. Default: found.
+    off_stand_scatter : of a component of the magnetic field in readings off the stand, nT. Default: estimated.
     specific_force : the accelerometer reads -g at rest; for methods without a rig, which cannot find it.
     left_handed : the channels are left-handed, not the dials reversed; for methods with a rig.
     """
@@ -144,6 +145,7 @@ class Options:
     accel_step: float | None = None
     mag_step: float | None = None
     gyro_step: float | None = None
+    off_stand_scatter: float | None = None
 
 
 def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Calibration:
@@ -162,6 +164,11 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         skew = options.nonorthogonality_sd
         nuisance = {"inclination_zero": options.inclination_zero_sd}
         nuisance |= {"outer_nonorthogonality": skew, "inner_nonorthogonality": skew}
+        if options.off_stand_scatter is not None:
+            for needed, there in (("part", readings.off_stand), ("reference_b_nT", readings.reference.get("b"))):
+                if there is None:
+                    raise refused("input-needs", {"name": "--off-stand-scatter-nT", "needed": (needed,)})
+            stand["off_scatter"] = {"magnetometer": options.off_stand_scatter / readings.reference["b"]}
         stand |= {
             "nuisance_sd": {name: sd for name, sd in nuisance.items() if sd is not None},
             **{name: getattr(options, name) for name in ("temperature_degree", "robust", "left_handed")},

@@ -39,8 +39,11 @@ def casing_movement(
     fixed: str = "bottom",
     spike_limit: float = SPIKE_LIMIT,
     correct: Collection[str] = (),
+    sensors: Sequence[float] = (),
 ) -> Movement:
     """Displacement of a casing at each later reading since the base reading; parameters as `displacement`.
+
+    A file may hold the readings of several dates; the first is the base; `sensors` as in `read_casing`.
 
     Raises
     ------
@@ -48,18 +51,23 @@ def casing_movement(
         As `read_casing`; a reading given twice; depths, axes, runs or faces other than those of the base reading.
     """
     errors = CasingErrors() if errors is None else errors
-    first = read_casing(base, unit)
-    seen = {first.table.digest: Path(base).name}
+    seen, readings = dict[str, str](), list[tuple[str, CasingFile]]()
+    for path in map(Path, (base, *later)):
+        of = read_casing(path, unit, sensors)
+        digest = of[0].table.digest
+        if digest in seen:
+            raise FileError(Finding("input-repeated", {"name": "reading", "value": seen[digest]}), path=path)
+        seen[digest] = path.name
+        readings += [(path.stem if len(of) == 1 else one.reading.name, one) for one in of]
+    (_, first), *others = readings
+    if not others:
+        raise FileError(Finding("input-few", {"name": "readings", "count": 1, "least": 2}), path=base)
     found: dict[str, Displacement] = {}
     said = list(first.findings)
-    for path in map(Path, later):
-        one = read_casing(path, unit)
-        if one.table.digest in seen:
-            twice = Finding("input-repeated", {"name": "reading", "value": seen[one.table.digest]})
-            raise FileError(twice, path=path)
-        seen[one.table.digest] = path.name
+    for name, one in others:
+        path = one.table.path
         # two folders may hold readings of one name
-        name = path.stem if path.stem not in found else str(path)
+        name = name if name not in found else f"{path} {one.reading.name}"
         try:
             found[name] = displacement(
                 first.reading, one.reading, errors, fixed=fixed, spike_limit=spike_limit, correct=correct
@@ -68,7 +76,9 @@ def casing_movement(
             rows = error.finding.rows
             line = one.lines[rows[0]] if rows else None
             raise in_file(error, path, line) from None
-        said += [*one.findings, *found[name].findings]
+        lacking = [known for known in said if known.code == "holes-unknown" and path == first.table.path]
+        told = [{**known.values, "reading": one.reading.name} for known in lacking]
+        said += [known for known in (*one.findings, *found[name].findings) if known.values not in told]
     sums = {
         axis: check_sums(runs, spike_limit) if runs.shape[1] == 2 else None
         for axis, runs in first.reading.faces.items()

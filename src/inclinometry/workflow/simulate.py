@@ -13,7 +13,7 @@ from inclinometry.arrays import Array, within
 from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.constants import DIP
+from inclinometry.constants import DIALS, DIP
 from inclinometry.errors import FileError, not_among, out_of_range, refused
 from inclinometry.files.bench_csv import read_plan, write_raw_survey
 from inclinometry.files.bench_csv import write_log as write_log_csv
@@ -22,7 +22,7 @@ from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.files.tool_json import read_extras, read_tool
 from inclinometry.findings import Finding
 from inclinometry.sensors import Tool
-from inclinometry.simulate.bench import Misread, Rig, simulate_bench
+from inclinometry.simulate.bench import Misread, Rig, simulate_bench, simulate_off_stand
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.sensing import MAGNETOMETERS, Characteristic, signal_of
@@ -81,11 +81,13 @@ def bench(
     temperature_degree: int = 0,
     truth: tuple[Tool, Rig | None] | None = None,
     characteristic: Mapping[str, Characteristic] | None = None,
+    off_stand_scatter: float = 30.0,
 ) -> tuple[BenchReadings, Tool, dict[str, Any]]:
     """Simulate a bench run of a plan: readings, the tool behind them, and the rest of the truth.
 
     `noise` is a factor on 0.3 mg and 20 nT; without `bits` signals are in m/s^2 and nT without steps. `truth`: a tool
-    and perhaps its stand, to be visited again; that stand replaces base and field of `rig`.
+    and perhaps its stand, to be visited again; that stand replaces base and field of `rig`. `off_stand_scatter` in nT,
+    of readings off the stand where the plan has them.
     """
     # how the sensors sit: near the tool's axes, or anywhere
     layouts = {"realistic": realistic_tool, "random": random_tool}
@@ -99,19 +101,24 @@ def bench(
         # the errors of this visit on the base and in the field of the stand
         stand = replace(rig, **{name: getattr(truth[1], name) for name in _STAND})
     characteristic = characteristic or {}
-    run = simulate_bench(
-        tool,
-        stand,
-        plan.azimuth,
-        plan.inclination,
-        plan.toolface,
-        noise=_noise(tool, noise, characteristic),
-        bits=bits,
-        repeats=repeats,
-        temperature=temperature,
-        characteristic=characteristic,
-        seed=seed,
-    )
+    sensors: dict[str, Any] = {"noise": _noise(tool, noise, characteristic), "bits": bits, "repeats": repeats}
+    sensors |= {"characteristic": characteristic, "seed": seed}
+    run = simulate_bench(tool, stand, plan.azimuth, plan.inclination, plan.toolface, temperature=temperature, **sensors)
+    off = None
+    if plan.off_stand is not None:
+        attitudes = np.stack([getattr(plan.off_stand, name) for name in DIALS], axis=1)
+        heat = None if temperature is None else float(np.mean(temperature))
+        seen = simulate_off_stand(tool, stand, attitudes, off_stand_scatter, temperature=heat, **sensors)
+        count = len(attitudes)
+        off = BenchReadings(
+            seen.signals,
+            station=[str(len(plan) + 1 + i) for i in range(count)],
+            sd=seen.sd,
+            count=None if run.count is None else run.count[:1].repeat(count),
+            temperature=None if heat is None else np.full(count, heat),
+            units=run.units,
+            reference=run.reference,
+        )
     readings = BenchReadings(
         run.signals,
         run.azimuth,
@@ -128,6 +135,7 @@ def bench(
             for kind, hit in run.saturated.items()
             if hit.any()
         ),
+        off_stand=off,
     )
     extras = {
         "seed": seed,
@@ -210,7 +218,7 @@ def repeated(plan: Plan, times: int) -> Plan:
     """A plan visited several times over."""
     rolls = [f"{name}.{i + 1}" if name else "" for i in range(times) for name in plan.roll_set]
     azimuth, inclination, toolface = (np.tile(a, times) for a in (plan.azimuth, plan.inclination, plan.toolface))
-    return Plan(plan.name, azimuth, inclination, toolface, rolls)
+    return Plan(plan.name, azimuth, inclination, toolface, rolls, plan.off_stand)
 
 
 def well(
