@@ -209,7 +209,7 @@ def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations |
 
 
 def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) -> None:
-    """Write the survey CSV with `toolface_type`, by which toolface to steer, and what --ignore accepted.
+    """Write the survey CSV with `toolface_type` (which toolface steers) and the findings that --ignore accepted.
 
     Parameters
     ----------
