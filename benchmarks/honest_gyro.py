@@ -29,7 +29,7 @@ from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
 from inclinometry.position.propagation import gyro_sources, propagate
 from inclinometry.position.well import well_survey
 from inclinometry.uncertainty import ellipsoid_factor
-from inclinometry.workflow.gyro import north_run
+from inclinometry.workflow.gyro import GyroOptions, north_run
 
 G, RATE, LATITUDE = 9.806199, 7.292115e-5, np.pi / 4.0
 DEG_H = np.radians(1.0) / 3600.0 / RATE
@@ -107,7 +107,9 @@ def one(seed: int, name: str, scene: Scene) -> tuple[float, float, float]:
     inclination = np.linspace(np.radians(2.0), np.radians(rng.uniform(20.0, 88.0)), STATIONS)
     azimuth = rng.uniform(0.0, 2.0 * np.pi) + np.radians(1.5) * np.cumsum(rng.standard_normal(STATIONS))
     here = Site(latitude=LATITUDE, g=G, north_reference="true")
-    found = north_run(measured(tool, scene, inclination, azimuth, rng), here, calibration).survey
+    found = north_run(
+        measured(tool, scene, inclination, azimuth, rng), here, calibration, GyroOptions(g_sensitivity=0.0)
+    ).survey
     well = well_survey(found.md, found.inclination, found.azimuth, here)
     covariance = propagate(well, sources=gyro_sources(found, well)).covariance[-1, :2, :2]
     # where the well begins is known, its attitude there too

@@ -51,9 +51,8 @@ CASES = (
 
 def variants() -> dict[str, WindowFilterSettings]:
     """Name -> settings: each part alone on the plain filter, then together."""
-    alone = {"common_tilt": 0.0, "common_turn": 0.0, "common_delay": 0.0}
-    off = {**alone, "igg3": None, "adaptive_three": None, "forgetting": None}
-    both = {**alone, "forgetting": None}
+    off = {"igg3": None, "adaptive_three": None, "forgetting": None}
+    both = {"forgetting": None}
     return {
         "plain": WindowFilterSettings(**off),
         "Huber": WindowFilterSettings(**{**off, "huber": 1.345}),
@@ -64,8 +63,8 @@ def variants() -> dict[str, WindowFilterSettings]:
         "strong tracking": WindowFilterSettings(**{**off, "fading": 1.0}),
         "Huber + Yang three": WindowFilterSettings(**{**both, "igg3": None, "huber": 1.345}),
         "IGG-III + Yang three": WindowFilterSettings(**both),
-        "... + Sage-Husa": WindowFilterSettings(**alone),
-        "... + tracking": WindowFilterSettings(**alone, fading=1.0),
+        "... + Sage-Husa": WindowFilterSettings(),
+        "... + tracking": WindowFilterSettings(fading=1.0),
     }
 
 

@@ -18,7 +18,7 @@ from inclinometry.motion.window_smoother import smooth_windows
 from inclinometry.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm, rotation_exp, rotation_log
 
 TILT, TURN = float(np.radians(0.03)), float(np.radians(0.06))
-DEFAULT = WindowFilterSettings(common_tilt=0.0, common_turn=0.0, common_delay=0.0)
+DEFAULT = WindowFilterSettings()
 PLAIN = replace(DEFAULT, igg3=None, adaptive_three=None, forgetting=None)
 
 
@@ -297,13 +297,23 @@ def test_a_smoother_reaches_rows_before_the_first_attitude() -> None:
     np.testing.assert_array_equal(short.refused[:6], [True, True, True, False, False, False])
 
 
-def test_what_all_rows_share_is_stated_and_not_averaged() -> None:
-    """A turn of all rows by 0.5 deg: the azimuth's u covers it."""
-    rows, _ = run(13)
+@pytest.mark.parametrize("rolling", [True, False])
+def test_what_rows_share_is_stated_and_not_averaged(rolling: bool) -> None:
+    """All rows turned by 0.5 deg: azimuth's u covers it, inclination's is the same; less is shared later."""
+    rows, truth = run(13, rolling=rolling)
+    turn = float(np.radians(0.5))
+    down = truth[:, :, 2]
+    shared = turn**2 * down[:, :, None] * down[:, None, :]
+    shared[60:] *= 0.25
+    turned = replace(rows, covariance=rows.covariance + shared, common=shared)
+    free = robust_filter(rows)
     for call in (robust_filter, smooth_windows):
-        found = call(rows, WindowFilterSettings(common_turn=float(np.radians(0.5)), common_tilt=1e-3))
-        assert np.degrees(found.u.azimuth).min() > 0.5
-        assert (found.u.inclination > 1e-3).all()
+        found = call(turned)
+        np.testing.assert_allclose(found.u.azimuth[30:60], turn, rtol=0.1)
+        np.testing.assert_allclose(found.u.azimuth[-20:], 0.5 * turn, rtol=0.1)
+        np.testing.assert_allclose(found.u_common.azimuth[-20:], 0.5 * turn, rtol=0.02)
+        assert (found.u.inclination[-20:] < 1.05 * free.u.inclination[-20:]).all()
+        np.testing.assert_allclose(found.angles.azimuth[-20:], 1.0, atol=2e-3)
 
 
 def test_strong_tracking_follows_what_a_plain_filter_lags() -> None:
@@ -362,9 +372,9 @@ def test_nothing_and_nothing_known() -> None:
     """Empty in, empty out; all refused in, all refused out; a single row comes back."""
     assert len(robust_filter(part(MIXED, slice(0, 0)))) == 0
     assert robust_filter(part(MIXED, slice(20, 27))).refused.all()
-    one = smooth_windows(part(MIXED, slice(0, 1)), WindowFilterSettings(common_delay=0.0))
+    one = smooth_windows(part(MIXED, slice(0, 1)))
     np.testing.assert_allclose(one.quaternion, MIXED.quaternion[:1], atol=1e-14)
-    np.testing.assert_allclose(one.covariance, MIXED.covariance[:1], rtol=0.2, atol=5e-8)  # what is common added
+    np.testing.assert_allclose(one.covariance, MIXED.covariance[:1], rtol=0.2, atol=5e-8)
 
 
 @pytest.mark.parametrize(
@@ -390,13 +400,3 @@ def test_another_north_is_refused() -> None:
     stream.push(part(MIXED, slice(0, 2)))
     with refused("input-north"):
         stream.push(replace(part(MIXED, slice(2, 4)), north="true"))
-
-
-@pytest.mark.parametrize("rolling", [True, False])
-def test_a_delay_that_all_rows_share_does_not_average_out(rolling: bool) -> None:
-    """0.5 ms at 12 rad/s turn all azimuths alike by more than a row is unsure of; at rest they turn nothing."""
-    rows, _ = run(3, size=40, rolling=rolling)
-    late, free = robust_filter(rows, replace(DEFAULT, common_delay=5e-4)), robust_filter(rows, DEFAULT)
-    assert (late.u.azimuth[-1] > rows.u.azimuth[-1]) == rolling
-    assert (late.u.azimuth[-1] > 1.5 * free.u.azimuth[-1]) == rolling
-    np.testing.assert_allclose(late.u.inclination, free.u.inclination, rtol=1e-3)

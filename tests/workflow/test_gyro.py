@@ -18,6 +18,7 @@ from inclinometry.workflow.simulate_gyro import gyro_run
 
 DEG_H = np.radians(1.0) / 3600.0
 HERE = Site(latitude=np.pi / 4, north_reference="true")
+PERFECT = {"misalignment": 0.0, "g_sensitivity": 0.0}
 LOST = {"complex", "double-root", "history", "horizontal", "up-hole", "parallel", "vertical"}
 """Flags that say why the closed form has no azimuth."""
 
@@ -75,7 +76,7 @@ def test_uncertainties_are_honest(simulated, scheme, axes, gyros):
     for seed in range(5):
         data, run = simulated(seed, scheme=scheme, axes=axes, gyros=gyros)
         # |g| as simulated is exactly that of the site
-        options = GyroOptions(scheme=scheme, gravity_sd=0.0, **(stated(run) if scheme == "two" else {}))
+        options = GyroOptions(scheme=scheme, gravity_sd=0.0, **PERFECT, **(stated(run) if scheme == "two" else {}))
         off.append(errors(north_run(data, HERE, options=options), run))
     azimuth, inclination, scale = (rms(values) for values in np.transpose(off, (1, 0, 2)))
     # 100 deviates: rms 1 +- 0.071; four of these and 5 % for the noise, itself estimated from 40 or more residuals
@@ -114,8 +115,7 @@ def test_every_prior_is_honest_and_more_knowledge_is_not_worse(simulated, prior)
     off, u = [], []
     for seed in range(4):
         data, run = simulated(seed)
-        found = north_run(data, HERE, options=GyroOptions(prior=prior))
-        alone = north_run(data, HERE, options=GyroOptions(prior="calibration"))
+        found, alone = (north_run(data, HERE, options=GyroOptions(prior=p, **PERFECT)) for p in (prior, "calibration"))
         off.append(errors(found, run))
         u.append(found.north.u_scale / alone.north.u_scale)
     azimuth, inclination, _ = (rms(values) for values in np.transpose(off, (1, 0, 2)))
@@ -262,7 +262,7 @@ def test_a_tool_without_z_points_where_it_is_told(simulated):
 @pytest.mark.long
 def test_the_next_run_begins_with_what_the_last_one_taught(simulated, tmp_path):
     first, _ = simulated(1)
-    write_scale(north_run(first, HERE).record(), tmp_path / "scale.json")
+    write_scale(north_run(first, HERE, options=GyroOptions(**PERFECT)).record(), tmp_path / "scale.json")
     history = read_scale(tmp_path / "scale.json")
     # the same tool goes down again: another path, the same scale by temperature
     taught = gyro_run(1, stations=20, dwell=400.0, bias=DEG_H)
@@ -344,3 +344,21 @@ def test_the_same_run_gives_the_same_numbers(simulated):
     np.testing.assert_array_equal(one.north.azimuth, other.north.azimuth)
     np.testing.assert_array_equal(one.survey.u_azimuth, other.survey.u_azimuth)
     assert one.survey.findings == other.survey.findings
+
+
+def test_axes_that_nobody_calibrated_are_counted(simulated):
+    # two standard deviations of each constant that index positions leave
+    turn = np.radians(0.3) * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    pull = 0.14 * DEG_H * np.array([[1.0, 1.0], [-1.0, 1.0]])
+
+    def change(columns):
+        channels = columns["channels"]
+        down = channels["accelerometer"][:, :2] / 9.80665
+        return {"channels": {**channels, "gyro": channels["gyro"] + channels["gyro"] @ turn.T + down @ pull.T}}
+
+    data, run = simulated(2, change=change)
+    found = north_run(data, HERE, options=GyroOptions(hole="down"))
+    assert rms(errors(found, run)[0]) < 1.6  # 3.0 where they are ignored
+    [said] = [one for one in found.survey.findings if one.code == "gyro-axes-assumed"]
+    assert said.values["u_deg"] > 1.5 * said.values["stated_deg"]
+    assert not np.any([set(row) - {"vertical"} for row in found.survey.flags])

@@ -131,7 +131,9 @@ def test_a_well_known_tool_finds_the_true_azimuth_within_its_noise(measured, axe
     gone = []
     for seed in range(4):
         tool, truth = make_tool(axes, degree, seed), path(seed)
-        options = GyroOptions(hole="down", scale_sd=1e-6, slope_sd=1e-6, bend_sd=1e-6, gravity_sd=0.0)
+        options = GyroOptions(
+            hole="down", scale_sd=1e-6, slope_sd=1e-6, bend_sd=1e-6, gravity_sd=0.0, g_sensitivity=0.0
+        )
         found = north_run(measured(tool, truth, seed), HERE, calibration(tool), options)
         gone.append(off(found, truth))
         assert not any(found.north.flags)
@@ -151,9 +153,8 @@ def test_the_doubt_of_the_calibration_is_in_the_uncertainty(measured, axes, shar
     gone, flagged = [], 0
     for seed in range(10):
         tool, truth = make_tool(axes, 1, seed), path(seed)
-        found = north_run(
-            measured(tool, truth, seed), HERE, calibration(doubtful(tool, share, seed + 50)), GyroOptions(hole="down")
-        )
+        options = GyroOptions(hole="down", g_sensitivity=0.0)
+        found = north_run(measured(tool, truth, seed), HERE, calibration(doubtful(tool, share, seed + 50)), options)
         gone.append(off(found, truth))
         flagged += sum(bool({"spike", "noisy"} & set(row)) for row in found.north.flags)
     azimuth, inclination = (rms(values) for values in np.transpose(gone, (1, 0, 2)))
@@ -194,7 +195,8 @@ def test_what_gravity_adds_to_the_gyros_is_taken_off(measured, scheme):
     # 1000 counts are 4 deg of azimuth: without the correction the error is a multiple of u, which itself is widened
     # where a scale of 1 does not explain the readings
     blind = replace(tool, triads={**tool.triads, "gyro": replace(tool.triads["gyro"], g_sensitivity=None)})
-    assert rms(off(north_run(data, HERE, calibration(blind), GyroOptions(scheme=scheme)), truth)[0]) > 2.0
+    ignored = GyroOptions(scheme=scheme, g_sensitivity=0.0)
+    assert rms(off(north_run(data, HERE, calibration(blind), ignored), truth)[0]) > 2.0
 
 
 def test_g_sensitive_gyros_need_gravity_along_the_tool(measured):

@@ -229,7 +229,7 @@ def test_near_horizontal_only_what_is_lost_is_flagged(measured):
     for seed in range(4):
         data, run = measured(1.0, seed, steep=(85.0, 89.9), accel=1e-3)
         # in units of the very |g| here: that of another place would be lost sooner
-        north = reduced(data, gravity_sd=0.0).north
+        north = reduced(data, gravity_sd=0.0, misalignment=0.0, g_sensitivity=0.0).north
         lost = np.array(["horizontal" in row for row in north.flags])
         odd = np.array([bool({"ambiguous", "weak"} & set(row)) for row in north.flags])
         assert not any("vertical" in row for row in north.flags)

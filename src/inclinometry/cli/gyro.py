@@ -48,6 +48,25 @@ Turns: TypeAlias = Annotated[
         "wrong, azimuths are mirrored."
     ),
 ]
+Misalignment: TypeAlias = Annotated[
+    float | None,
+    options.quantity(
+        "deg",
+        0.0,
+        5.0,
+        help="Standard deviation of the gyros' axes, each toward each other. Default: 0.2; calibrated gyros: 0.",
+    ),
+]
+Sensitivity: TypeAlias = Annotated[
+    float | None,
+    options.quantity(
+        "deg_h_g",
+        0.0,
+        100.0,
+        help="Standard deviation of the gyros' g-sensitivity along each axis, deg/h per g. Default: 0.1; calibrated "
+        "g-sensitivity: 0.02.",
+    ),
+]
 History: TypeAlias = Annotated[options.InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
 
 
@@ -66,6 +85,8 @@ def north(
     gyro_sd: GyroSd = None,
     accel_sd: Annotated[float | None, options.quantity("m_s2", 0.0, 1.0, above=True)] = None,
     z_bias_sd: Annotated[float | None, options.quantity("deg_h", 0.0, 1000.0, above=True)] = None,
+    gyro_misalignment: Misalignment = None,
+    g_sensitivity: Sensitivity = None,
     sweep: Annotated[float, options.quantity("deg", 0.0, 180.0)] = 0.0,
     index_turns: Turns = "clockwise",
     hole: Hole = None,
@@ -92,7 +113,7 @@ def north(
         Stations CSV: the survey columns and scale, u_scale, root, K, temperature_degC, and the rates corrected by the
         scale factor.
     calibration
-        tool.json. Without it accelerometers are in m/s2 (or as named) and axes are perfect.
+        tool.json. Without it accelerometers are in m/s2 (or as named), along the axes of their names.
     scale
         joint: azimuth and scale factor together. patent: closed form of the Chinese patent application of 2015, four
         positions. fixed: scale 1.
@@ -123,6 +144,8 @@ def north(
         gyro_sd=gyro_sd,
         accelerometer_sd=accel_sd,
         z_bias_sd=z_bias_sd,
+        misalignment=gyro_misalignment,
+        g_sensitivity=g_sensitivity,
         sweep=sweep,
         hole=hole,
         gravity_sd=gravity_sd,
@@ -156,6 +179,8 @@ def scale(
     history: History = None,
     scale_sd: ScaleSd = 0.003,
     gyro_sd: GyroSd = None,
+    gyro_misalignment: Misalignment = None,
+    g_sensitivity: Sensitivity = None,
     index_turns: Turns = "clockwise",
     hole: Hole = None,
     report: options.Report = None,
@@ -186,6 +211,8 @@ def scale(
         scale_sd=scale_sd,
         history=None if history is None else read_scale(history),
         gyro_sd=gyro_sd,
+        misalignment=gyro_misalignment,
+        g_sensitivity=g_sensitivity,
         hole=hole,
     )
     found = _run(run, site, read_site(site), calibration, wishes, index_turns)

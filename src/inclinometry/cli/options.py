@@ -28,6 +28,7 @@ Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 _DEG: Final = pi / 180.0
 SI: Final = {
     **{"deg": _DEG, "deg_h": _DEG / 3600.0, "deg_h_h": _DEG / 3600.0**2, "deg_sqrt_h": _DEG / 60.0},
+    "deg_h_g": _DEG / 3600.0,
     **{"percent": 0.01, "mm": 1e-3, "ms": 1e-3, "mg": 9.80665e-3},
 }
 """Unit at the end of an option's name -> what one of it is in SI; those that are not here are what is used inside."""

@@ -113,7 +113,7 @@ def position(
     section_azimuth
         Also write the vertical section along this azimuth, from north 0, east 0.
     feet
-        Lengths in ft, dogleg per 100 ft, in the table, --output and --json.
+        Lengths in ft, dogleg per 100 ft, in the table, --output, --sources and --json.
     """
     from inclinometry.files.position_csv import position_columns
     from inclinometry.files.profile import reading_with, with_constants
@@ -223,7 +223,7 @@ def _write(
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
             write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)
         if sources is not None and found.uncertainty is not None:
-            write_sources_csv(sources, found.uncertainty)
+            write_sources_csv(sources, found.uncertainty, feet=shown["feet"])
 
 
 def show_position(found: WellPosition, columns: Mapping[str, Any], most: int = 10) -> None:

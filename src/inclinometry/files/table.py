@@ -178,8 +178,9 @@ class TableFile:
         self.names = tuple(reading.name for reading in self.readings)
         named = azimuths(list(filter(numeric, self.names))).values()
         norths = tuple(dict.fromkeys(one for one in (*(r.north for r in self.readings), *named) if one))
-        if len(norths) > 1:
-            raise self._error(Finding("table-norths", {"norths": norths}), self.line)
+        own = [name for name, r in zip(self.written, self.readings, strict=True) if r.name == "azimuth_deg"]
+        if len(norths) > 1 or (norths and len(own) > 1):
+            raise self._error(Finding("table-norths", {"norths": norths if len(norths) > 1 else tuple(own)}), self.line)
         self._check_names(self.names)
         self.degrees = {
             reading.name

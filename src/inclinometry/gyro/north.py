@@ -234,10 +234,10 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str, 
         spread[odd] = np.maximum(spread[odd], np.sqrt(odds) * np.abs(apart))
     if np.isfinite(spread).any():
         beyond = np.nan_to_num(spread) ** 2 - np.minimum(best.var_azimuth, UNKNOWN**2)
-        components["shape"] = _azimuth_only(np.maximum(beyond, 0.0))
+        components["shape"] = azimuth_only(np.maximum(beyond, 0.0))
     quadrant = lost & np.isnan(problem.rate[:, 2])
     if quadrant.any():  # azimuth and 180 deg - azimuth look alike
-        components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
+        components["quadrant"] = azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
     result = _result(problem, best, found, components, response[1], method, lost, surprise)
     return replace(result, response=_by_angle(problem, prior_sd, sd_k, best, found, response))
 
@@ -318,12 +318,12 @@ def _components(
     safe = np.where(flat | fixed | (sd_k == 0.0), 1.0, sd_k)
     joint = np.where(flat, 0.0, (best.cov_azimuth_k / safe) ** 2)
     parts = {
-        "gyro": _azimuth_only(gyro),
+        "gyro": azimuth_only(gyro),
         "accelerometer": np.einsum("nij,njk,nik->ni", row, cov_gravity, row),
-        "scale": _azimuth_only(np.where(fixed, np.where(np.isfinite(own), own, 0.0), joint)),
+        "scale": azimuth_only(np.where(fixed, np.where(np.isfinite(own), own, 0.0), joint)),
     }
     if latitude_sd > 0.0:
-        parts["latitude"] = _azimuth_only((by_latitude * latitude_sd) ** 2)
+        parts["latitude"] = azimuth_only((by_latitude * latitude_sd) ** 2)
     return parts
 
 
@@ -357,7 +357,7 @@ def _by_angle(
     }
 
 
-def _azimuth_only(variance: Array) -> Array:
+def azimuth_only(variance: Array) -> Array:
     """Variances (n, 4) of a cause that moves azimuth, and with it the gyro toolface."""
     out = np.zeros((len(variance), 4))
     out[:, 1] = out[:, 3] = variance

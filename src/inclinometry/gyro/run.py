@@ -15,7 +15,7 @@ from inclinometry.gyro.closed_form import CHANGE, solve_patent
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.point_mass import ScaleLaw
 from inclinometry.gyro.result import IndexAverage, North
-from inclinometry.gyro.tracking import ScaleTrack
+from inclinometry.gyro.tracking import ScaleState, ScaleTrack
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,8 @@ class ScalePrior:
 
     law : from the calibration, the history and, where the run is followed, its other stations; None: as `before`.
     before, before_sd : (n,) of a scale factor that the rates do not correct.
-    stated, stated_sd : (n,) without any station of the run.
+    stated, stated_sd : (n,) without any station of the run, by the `state`; `curve` (n, c) its powers of temperature
+        less those of the first station, c = 0 where temperature says nothing.
     """
 
     law: ScaleLaw | None
@@ -165,6 +166,8 @@ class ScalePrior:
     stated_sd: Array
     track: ScaleTrack | None
     findings: tuple[Finding, ...] = ()
+    state: ScaleState | None = None
+    curve: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def solve(method: str, stations: Stations, known: ScalePrior) -> North:

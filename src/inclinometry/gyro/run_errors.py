@@ -6,6 +6,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.earth.site import Site
+from inclinometry.gyro.axes import of_azimuth
 from inclinometry.gyro.joint import SCALES
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import North
@@ -67,15 +68,14 @@ def run_errors(
         found["gyro"] = _own(by["rate"], w_noise)
         own = np.sqrt(north.components["scale"][:, 1]) / np.maximum(np.abs(by["prior"][:, 1, 0]), 1e-300)
         found["scale"] = _one(by["prior"] * own[:, None, None])
+    if "gyro axes" in by:
+        found["gyro axes"] = _one(by["gyro axes"])
     if stations.latitude_sd:
         found["latitude"] = _one(by["latitude"] * stations.latitude_sd)
     for name in ("shape", "quadrant"):  # an azimuth of which the readings leave more than one
         if name in north.components:
-            row = np.zeros((len(north), 4, 1))
-            row[:, 1, 0] = np.sqrt(north.components[name][:, 1])
-            row[:, 2, 0] = -np.sin(north.inclination) * np.sin(north.azimuth) * row[:, 1, 0]
-            row[:, 3, 0] = np.sin(north.inclination) * np.cos(north.azimuth) * row[:, 1, 0]
-            found[name] = AngleErrors(row, np.eye(1), False)
+            by_angle = of_azimuth(north, np.sqrt(north.components[name][:, 1:2]))
+            found[name] = AngleErrors(by_angle, np.eye(1), False)
     if site.north_reference == "grid" and site.convergence_sigma:
         row = np.zeros((len(north), 4, 1))
         row[:, 1] = site.convergence_sigma

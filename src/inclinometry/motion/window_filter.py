@@ -153,7 +153,7 @@ def joined_columns(parts: list[Columns]) -> Columns:
 
 
 def bridged(window: Samples) -> Samples:
-    """The window with its missing samples, of which all channels were held, predicted; what is clipped stays marked."""
+    """The window with its missing samples (all channels held) predicted; clipped samples stay marked."""
     if window.clipped is None or not window.clipped.any():
         return window
     triads = {name: getattr(window, name) for name in CHANNELS if window.has(name)}
@@ -204,11 +204,15 @@ LOW_WEIGHT: Final = 0.1
 
 
 class Row(NamedTuple):
-    """One row as the passes see it; matrix and covariance are None where it was refused."""
+    """One row as the passes see it; matrix and covariance are None where it was refused.
+
+    covariance : its own part. common : (3, 3) the part shared with other rows, 0 where a method does not separate it.
+    """
 
     time: float
     matrix: Array | None
     covariance: Array | None
+    common: Array
     rate: float
     quality: float
     flags: int
@@ -229,17 +233,31 @@ class Row(NamedTuple):
         """Whether the row tells a whole direction."""
         if self.matrix is None or self.covariance is None:
             return False
-        return not azimuth_unknown(self.matrix, self.covariance)
+        return not azimuth_unknown(self.matrix, self.covariance + self.common)
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Frame of the hole, its rate of turn (2,) rad/s in it, and the covariance (4, 4) of offset and rate."""
+    """Frame of the hole, its rate of turn (2,) rad/s in it, and the covariance (4, 4) of offset and rate.
+
+    common : (2, 2) the offset's shared part; it does not average out and is not in the covariance.
+    """
 
     time: float
     frame: Array
     rate: Array
     covariance: Array
+    common: Array
+
+    def tool(self, matrix: Array, covariance: Array, common: Array) -> tuple[Array, Array, Array]:
+        """Attitude, covariance and common part (3, 3) of a tool whose roll a row has measured, with its own two."""
+        part = rolled(self.frame, self.common, matrix, common + 1e-16 * np.eye(3))[1]
+        return *rolled(self.frame, self.covariance[:2, :2] + self.common, matrix, covariance + common), part
+
+    def carried(self, roll: float, variance: float) -> tuple[Array, Array, Array]:
+        """The same of a roll that no row measures."""
+        whole = carried(self.frame, self.covariance[:2, :2] + self.common, roll, variance)
+        return *whole, carried(self.frame, self.common, roll, variance)[1]
 
 
 class Step(NamedTuple):
@@ -249,9 +267,10 @@ class Step(NamedTuple):
     # predicted, belief: before and after the row; None before the first attitude
     predicted: Belief | None
     belief: Belief | None
-    # matrix, covariance: of the tool; None where there is none to give
+    # matrix, covariance, common: of the tool; None where there is none to give
     matrix: Array | None
     covariance: Array | None
+    common: Array | None
     rate: float
     # roll, roll_variance: of the tool in the frame of `belief`
     roll: float
@@ -289,41 +308,43 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
     keep[:, :2] -= gain
     covariance = keep @ p @ keep.T + gain @ noise @ gain.T
     change = gain @ offset
-    frame = clean(turned(predicted.frame, change[:2]))
-    return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
+    frame, covariance = clean(turned(predicted.frame, change[:2])), 0.5 * (covariance + covariance.T)
+    return Belief(predicted.time, frame, predicted.rate + change[2:], covariance, predicted.common)
 
 
-def attitude_of(
-    steps: list[Step], north: str, method: str, settings: WindowFilterSettings, findings: tuple[Finding, ...] = ()
-) -> Attitude:
-    """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
+def shared(predicted: Belief, common: Array) -> tuple[Belief, Array]:
+    """The prediction, and what a row's noise is larger by, where they share no more than the smaller of two parts.
 
-    What all rows share by the settings is added to every row.
+    What one of them has more of `common` (2, 2), of inclination or of azimuth, is an error of its own: in rows before a
+    lag was known, or of another speed.
     """
+    down = predicted.frame[:2, 2] if np.hypot(*predicted.frame[:2, 2]) > 1e-6 else np.array([1.0, 0.0])
+    axes = np.array([[down[0], -down[1]], [down[1], down[0]]]) / np.hypot(*down)
+    old, new = (np.diagonal(axes.T @ part @ axes) for part in (predicted.common, common))
+    less, more = ((axes * np.maximum(part, 0.0)) @ axes.T for part in (old - new, new - old))
+    keep = (axes * np.sqrt(np.minimum(new / np.maximum(old, 1e-300), 1.0))) @ axes.T
+    covariance = predicted.covariance.copy()
+    covariance[:2, :2] += less
+    return replace(predicted, covariance=covariance, common=keep @ predicted.common @ keep.T), more
+
+
+def attitude_of(steps: list[Step], north: str, method: str, findings: tuple[Finding, ...] = ()) -> Attitude:
+    """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits."""
     size = len(steps)
-    quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
+    quaternion, covariance = np.full((size, 4), np.nan), np.full((2, size, 3, 3), np.nan)
     flags = np.array([step.row.flags for step in steps], dtype=np.uint32)
     for place, step in enumerate(steps):
         if step.matrix is None or step.covariance is None:
             continue
         quaternion[place] = quaternion_from_dcm(step.matrix)
-        down = step.matrix[:, 2]
-        speed = step.rate if np.isfinite(step.rate) else 0.0
-        # azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg
-        delayed = (2.0 * speed * settings.common_delay) ** 2
-        if step.row.covariance is not None:
-            # no more than the row's own variance of azimuth
-            level = max(float(down[:2] @ down[:2]), 1e-12)
-            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
-        tilt = settings.common_tilt**2
-        spread = np.array([tilt, tilt, settings.common_turn**2 + delayed])
-        covariance[place] = step.covariance + (step.matrix * spread) @ step.matrix.T
+        covariance[:, place] = step.covariance, step.covariance if step.common is None else step.common
         if step.belief is not None and step.row.matrix is not None and step.weight < LOW_WEIGHT:
             flags[place] |= BITS["misfit"]
     return Attitude(
         time=np.array([step.row.time for step in steps]),
         quaternion=quaternion,
-        covariance=covariance,
+        covariance=covariance[0],
+        common=covariance[1],
         rate=np.array([step.rate for step in steps]),
         quality=np.array([step.quality for step in steps]),
         flags=flags,
@@ -367,7 +388,7 @@ class Recursion:
         added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
         if self._tuning.fading is not None and self._spread is not None:
             moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
-        predicted = Belief(row.time, predicted_frame(belief, dt), belief.rate, moved + added)
+        predicted = Belief(row.time, predicted_frame(belief, dt), belief.rate, moved + added, belief.common)
         rate = row.rate if np.isfinite(row.rate) else self._rate
         # rad/s below which a tool is taken not to rotate in a window that does not tell
         if not np.isfinite(rate) or (abs(rate) > 1e-2 and not bool(np.isfinite(row.rate))):
@@ -379,32 +400,36 @@ class Recursion:
             self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
         if row.matrix is None or row.covariance is None:
             self._belief = predicted
-            matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
+            tool = predicted.carried(self._roll, self._roll_variance)
             quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
-            return Step(
-                row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
-            )
+            return Step(row, predicted, predicted, *tool, rate, self._roll, self._roll_variance, 1.0, 0.0, quality)
         return self._update(row, row.matrix, row.covariance, self._adapted(predicted, row, before, after))
 
     def _start(self, row: Row, after: Row | None) -> Step:
         matrix, covariance = row.matrix, row.covariance
-        if matrix is None or covariance is None or azimuth_unknown(matrix, covariance):
-            return Step(row, None, None, matrix, covariance, row.rate, 0.0, 0.0, 1.0, 0.0, row.quality)
+        if matrix is None or covariance is None:
+            return Step(row, None, None, None, None, None, row.rate, 0.0, 0.0, 1.0, 0.0, row.quality)
+        total = covariance + row.common
+        if azimuth_unknown(matrix, total):
+            return Step(row, None, None, matrix, total, None, row.rate, 0.0, 0.0, 1.0, 0.0, row.quality)
         full = np.diag([0.0, 0.0, self._tuning.rate_sigma**2, self._tuning.rate_sigma**2])
         full[:2, :2] = covariance[:2, :2]
-        belief = Belief(row.time, matrix, np.zeros(2), full)
+        belief = Belief(row.time, matrix, np.zeros(2), full, row.common[:2, :2])
         apart, robust = 0.0, self._tuning.igg3 is not None or self._tuning.huber is not None
         if robust and after is not None and after.matrix is not None and after.covariance is not None:
             # normalised distance of the first row from the next: either may be the outlier
-            level = with_azimuth(after.matrix, after.covariance, belief.frame[2])
+            level = with_azimuth(after.matrix, after.covariance + after.common, belief.frame[2])
+            own, more = shared(belief, observe(belief.frame, level, after.common)[1])
             offset, noise, _ = observe(belief.frame, level, after.covariance)
-            apart = _size(offset, belief.covariance[:2, :2] + noise)
+            apart = _size(offset, own.covariance[:2, :2] + noise + more)
         if apart > AGREE:
             flagged_row = row._replace(flags=row.flags | BITS["start"])
-            wide = 2.0 * apart**2 * covariance
-            return Step(flagged_row, None, None, matrix, wide, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
-        variance = float(covariance[2, 2])
-        return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, variance, 1.0, 1.0, row.quality))
+            wide = 2.0 * apart**2 * covariance + row.common
+            return Step(flagged_row, None, None, matrix, wide, None, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
+        variance = float(total[2, 2])
+        common = row.common if row.common.any() else None
+        step = Step(row, None, belief, matrix, total, common, row.rate, 0.0, variance, 1.0, 1.0, row.quality)
+        return self._done(step)
 
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
         """Prediction with its direction flagged by Yang's factor where this row and a neighbour agree against it."""
@@ -441,14 +466,13 @@ class Recursion:
         if not row.usable_for_bend and self._rejected < 12:
             return None
         offset, noise, _ = observe(predicted.frame, row.matrix, row.covariance)
-        return offset - predicted.rate * (row.time - time), noise * self._scale
+        more = shared(predicted, observe(predicted.frame, row.matrix, row.common)[1])[1]
+        return offset - predicted.rate * (row.time - time), noise * self._scale + more
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
         step, offset, noise, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
-        widening = self._tuning.suspect_factor**2 if row.suspect else 1.0
         self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
         # scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking
-        noise = widening * noise
         tuning = self._tuning
         if tuning.forgetting is not None and size < LARGEST:
             # 30 windows' worth of trust in the rows' own covariance before any was seen
@@ -477,10 +501,11 @@ def measured(
     tuning: WindowFilterSettings, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
 ) -> tuple[Step, Array, Array, float]:
     """Row taken into a prediction with its robust weight; also its offset, that one's noise, and how large it is."""
-    matrix = with_azimuth(matrix, covariance, predicted.frame[2])
+    matrix = with_azimuth(matrix, covariance + row.common, predicted.frame[2])
     widening = tuning.suspect_factor**2 if row.suspect else 1.0
-    offset, noise, _ = observe(predicted.frame, matrix, covariance)
-    size = _size(offset, predicted.covariance[:2, :2] + noise * (widening * scale))
+    predicted, more = shared(predicted, observe(predicted.frame, matrix, row.common)[1])
+    offset, noise, _ = observe(predicted.frame, matrix, widening * covariance)
+    size = _size(offset, predicted.covariance[:2, :2] + noise * scale + more)
     weight = 1.0
     if tuning.huber is not None:
         weight = float(huber_weight(size, tuning.huber))
@@ -488,12 +513,12 @@ def measured(
         weight = float(igg3_weight(size, *tuning.igg3))
     # a rejected row keeps its roll with a thousandfold standard deviation
     factor = widening * scale / max(weight, 1e-6)
-    belief = updated(predicted, offset, noise * factor)
-    out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
+    belief = updated(predicted, offset, (noise * scale + more) / max(weight, 1e-6))
+    out, joint, common = belief.tool(matrix, factor * covariance, row.common)
     roll = observe(belief.frame, out, joint)[2]
     quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
-    known = row._replace(matrix=matrix)
-    step = Step(known, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
+    known, kept = row._replace(matrix=matrix), common if row.common.any() else None
+    step = Step(known, predicted, belief, out, joint, kept, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
     return step, offset, noise, size
 
 
@@ -507,8 +532,7 @@ class WindowFilterSettings(Settings):
     """Which parts of the robust adaptive filter are on, and how fast a hole may bend; None switches a part off.
 
     Rows flagged for what may put neighbours off together ("disturbed", "step", ...) are no evidence for a bend until
-    twelve were rejected. The common standard deviations are of errors that all rows share; they are added to the
-    result, the rows' own covariance should not hold them.
+    twelve were rejected.
     """
 
     huber: Annotated[float | None, Range(0.1, 100.0), "k of `huber_weight`; excludes igg3."] = None
@@ -526,9 +550,6 @@ class WindowFilterSettings(Settings):
     rate_walk: Annotated[float, Range(0.0, 1.0, "rad/s^1.5"), "Of its rate: 1e-5 rad/s in ten minutes."] = 4e-7
     rate_sigma: Annotated[float, Range(1e-12, 1.0, "rad/s"), "Of the rate at the start."] = 3e-5
     roll_share: Annotated[float, Range(0.0, 1.0), "Of the mean speed, where the toolface is carried over a gap."] = 0.01
-    common_tilt: Annotated[float, Range(0.0, 1.0, "rad"), "Common to all rows, about horizontal axes."] = 1e-4
-    common_turn: Annotated[float, Range(0.0, 3.0, "rad"), "Common to all rows, about the vertical."] = 2e-4
-    common_delay: Annotated[float, Range(0.0, 0.1, "s"), "Between magnetometer and accelerometer."] = 1e-4
     longest_bridge: Annotated[float, Range(0.0, 1e7, "s"), "Without an attitude; then the filter starts again."] = (
         1800.0
     )
@@ -581,13 +602,15 @@ class RobustStream:
         self._north = rows.north
         done: list[Step] = []
         for place in range(len(rows)):
-            q = rows.quaternion[place]
+            q, whole, common = rows.quaternion[place], rows.covariance[place], rows.common[place]
             known = not np.isnan(q[0])
+            # where a method does not tell them apart, rows count as independent
+            common = common if known and np.trace(common) < np.trace(whole) else np.zeros((3, 3))
             row = Row(
                 float(rows.time[place]),
                 dcm_from_quaternion(q) if known else None,
-                # rad^2, so that rows that claim to be exact stay invertible
-                rows.covariance[place] + 1e-16 * np.eye(3) if known else None,
+                whole - (1.0 - 1e-4) * common + 1e-16 * np.eye(3) if known else None,  # stays invertible
+                common,
                 float(rows.rate[place]),
                 float(rows.quality[place]),
                 int(rows.flags[place]),
@@ -617,7 +640,7 @@ class RobustStream:
         return done
 
     def _result(self, steps: list[Step]) -> Attitude:
-        return attitude_of(steps, self._north or "magnetic", "robust", self.settings)
+        return attitude_of(steps, self._north or "magnetic", "robust")
 
 
 def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
@@ -638,8 +661,8 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
         carried by the mean speed where that is known and otherwise with the uncertainty of an unknown angle. Rows
         before the first with an azimuth are returned as they came; first rows that the next one contradicts are
         flagged "start" and their uncertainty covers the contradiction, for either may be the outlier. The
-        covariance holds when the rows' own does and their errors are independent; what all rows share does not average
-        out and is stated by `common_tilt` and `common_turn`.
+        covariance holds when the rows' own does. What they share (`Attitude.common`) does not average out and is added;
+        rows that do not tell it apart count as independent.
 
     Raises
     ------
@@ -666,4 +689,4 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     check_record(rows, Attitude, "robust_filter")
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
-    return attitude_of(steps, rows.north, "robust", stream.settings, rows.findings)
+    return attitude_of(steps, rows.north, "robust", rows.findings)

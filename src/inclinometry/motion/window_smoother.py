@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import IdentifiabilityError
-from inclinometry.motion._hole_direction import carried, offset_of, rolled, turned
+from inclinometry.motion._hole_direction import offset_of, turned
 from inclinometry.motion.result import BITS, Attitude, Samples
 from inclinometry.motion.window_filter import (
     Belief,
@@ -161,15 +161,15 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
                 dt = later.time - step.row.time
                 f = transition(-dt)
                 added = process(dt, chosen.direction_walk, chosen.rate_walk)
-                frame = predicted_frame(later, -dt)
-                predicted = Belief(step.row.time, frame, later.rate, f @ (later.covariance + added) @ f.T)
+                spread = f @ (later.covariance + added) @ f.T
+                predicted = Belief(step.row.time, predicted_frame(later, -dt), later.rate, spread, later.common)
                 row = step.row._replace(flags=step.row.flags & ~BITS["start"])
                 if row.matrix is not None and row.covariance is not None:
                     smoothed[place] = measured(chosen, row, row.matrix, row.covariance, predicted, 1.0)[0]
                 else:
-                    unknown = carried(frame, predicted.covariance[:2, :2], 0.0, UNKNOWN**2)
+                    tool = predicted.carried(0.0, UNKNOWN**2)
                     smoothed[place] = step._replace(
-                        row=row, belief=predicted, matrix=unknown[0], covariance=unknown[1], quality=0.0
+                        row=row, belief=predicted, matrix=tool[0], covariance=tool[1], common=tool[2], quality=0.0
                     )
                 later = smoothed[place].belief
             else:
@@ -178,14 +178,15 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
             following = steps[place + 1].predicted if place + 1 < len(steps) else None
             later = step.belief if later is None or following is None else _back(step.belief, following, later)
             # the tool's attitude rebuilt on the smoothed direction
-            spread = later.covariance[:2, :2]
-            if step.row.matrix is not None and step.row.covariance is not None:
-                found = rolled(later.frame, spread, step.row.matrix, step.factor * step.row.covariance)
+            matrix, own = step.row.matrix, step.row.covariance
+            if matrix is not None and own is not None:
+                found = later.tool(matrix, step.factor * own, step.row.common)
             else:
-                found = carried(later.frame, spread, step.roll, step.roll_variance)
-            smoothed[place] = step._replace(matrix=found[0], covariance=found[1], belief=later)
+                found = later.carried(step.roll, step.roll_variance)
+            common = None if step.common is None else found[2]
+            smoothed[place] = step._replace(matrix=found[0], covariance=found[1], common=common, belief=later)
         seen_at = step.row.time if step.row.matrix is not None else seen_at
-    return attitude_of(smoothed, rows.north, "smoother", chosen, rows.findings)
+    return attitude_of(smoothed, rows.north, "smoother", rows.findings)
 
 
 def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
@@ -195,4 +196,4 @@ def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
     change = gain @ np.concatenate([offset_of(predicted.frame, later.frame[2]), later.rate - predicted.rate])
     covariance = belief.covariance + gain @ (later.covariance - predicted.covariance) @ gain.T
     frame = turned(belief.frame, change[:2])
-    return Belief(belief.time, frame, belief.rate + change[2:], 0.5 * (covariance + covariance.T))
+    return Belief(belief.time, frame, belief.rate + change[2:], 0.5 * (covariance + covariance.T), belief.common)

@@ -370,14 +370,14 @@ def gyro_report(
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
     named = listed(list(map(quoted, included))) or "nothing"
     left += [] if stated else ["errors of the accelerometers"]
+    if "gyro axes" not in included:
+        left += ["misalignment of gyros against accelerometers", "the gyros’ response to acceleration"]
     missing = listed(
         [
             "misalignment of the tool in the hole",
-            "misalignment of gyros against accelerometers",
             "sag",
             "movement of the tool while it measured",
             "bias that drifts unevenly over the index positions",
-            "the gyros’ response to acceleration",
             *left,
         ]
     )

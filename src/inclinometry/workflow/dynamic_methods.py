@@ -10,25 +10,25 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from inclinometry.arrays import within
+from inclinometry.arrays import Mask, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STRING_INTERFERENCE
+from inclinometry.constants import EARTH_RATE, STRING_INTERFERENCE
 from inclinometry.conventions import Axes
 from inclinometry.earth.site import Site
 from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.files.run_file import BLOCK
 from inclinometry.findings import Finding, Value
-from inclinometry.motion.automatic import AttitudeChooser, ChooserSettings
-from inclinometry.motion.checked import CheckedStream
+from inclinometry.motion.automatic import TURNING, AttitudeChooser, ChooserSettings
+from inclinometry.motion.checked import CheckedStream, taken
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import LAG_SIGMA, MagneticSettings
 from inclinometry.motion.magnetic.window import MagneticStream
 from inclinometry.motion.pieces import SampleSmoother, WindowSmoother
-from inclinometry.motion.result import Attitude, Samples, joined, refusals
+from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import NorthSeekingStream, StaticSettings, StaticStream
-from inclinometry.motion.window_filter import RobustStream, Stream, WindowFilterSettings
+from inclinometry.motion.window_filter import RobustStream, Stream
 from inclinometry.orientation import SWITCH
 
 MethodName = Literal["auto", "static", "quaternion", "magnetic", "gyro", "filter", "robust", "smoother"]
@@ -181,23 +181,12 @@ class Setup:
         )
         return replace(plain, **self.gyro)
 
-    def robust(self) -> WindowFilterSettings:
-        """As above: offsets and delay are the same in all rows."""
-        same = self.magnetic()
-        usual_field = 20_000.0  # nT, horizontal, where the site states none
-        level = usual_field if self.site.b is None or self.site.dip is None else self.site.b * np.cos(self.site.dip)
-        return WindowFilterSettings(
-            common_tilt=same.accel_sigma / STANDARD_GRAVITY,
-            common_turn=min(3.0, same.axial_sigma / max(float(level), 1.0)),
-            common_delay=self.late,
-        )
-
 
 def _auto(setup: Setup) -> Stream:
     settings = ChooserSettings(
         window=setup.window, static=setup.static(), magnetic=setup.magnetic(), inertial=setup.inertial()
     )
-    return AttitudeChooser(settings, setup.site)
+    return _Followed(AttitudeChooser(settings, setup.site), setup.window)
 
 
 def _checked(stream: Stream, setup: Setup, *needs: str, carries: bool = True) -> Stream:
@@ -235,7 +224,7 @@ class _ByTriads:
 
 def _smoother(setup: Setup, first: Samples) -> Stream:
     if not first.has("gyro"):
-        stream = WindowSmoother(MagneticStream(setup.magnetic()), setup.robust())
+        stream = WindowSmoother(MagneticStream(setup.magnetic()))
         return _checked(stream, setup, "accel", "mag", carries=False)
     settings = setup.inertial()
     smoother = SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
@@ -251,11 +240,50 @@ def _still(setup: Setup, first: Samples, *, weighted: bool) -> Stream:
     return CheckedStream(stream, setup.window, setup.site, needs, carries=False, still=True)
 
 
+class _Followed:
+    """Rows of a stream; where the tool turns they follow the hole, robustly, if that is surer than the window alone.
+
+    A tool that rests or slides may be on its way along the hole: its rows are their own, and no evidence.
+    """
+
+    def __init__(self, stream: Stream, window: float) -> None:
+        self._stream, self._window, self._filter = stream, window, RobustStream()
+        self._own: list[Attitude] = []
+
+    def push(self, samples: Samples) -> Attitude:
+        return self._surer(self._filter.push(self._evidence(self._stream.push(samples))))
+
+    def finish(self) -> Attitude:
+        last = self._stream.finish()
+        parts = [self._filter.push(self._evidence(last)), self._filter.finish()]
+        return replace(joined([self._surer(part) for part in parts]), findings=last.findings)
+
+    def _turns(self, rows: Attitude) -> Mask:
+        apart = np.trace(rows.common - rows.covariance, axis1=1, axis2=2) < 0.0  # what they share is told apart
+        return np.asarray((np.abs(np.nan_to_num(rows.rate)) * self._window > TURNING) & apart & ~rows.refused)
+
+    def _evidence(self, rows: Attitude) -> Attitude:
+        self._own.append(rows)
+        return replace(rows, quaternion=np.where(self._turns(rows)[:, None], rows.quaternion, np.nan))
+
+    def _surer(self, found: Attitude) -> Attitude:
+        whole = joined(self._own)
+        own, self._own = taken(whole, slice(0, len(found))), [taken(whole, slice(len(found), None))]
+        suspect = found.flags & np.uint32(BITS["misfit"] | BITS["start"]) & ~own.flags > 0
+        u, other = own.u, found.u
+        better = self._turns(own) & ~suspect & (other.azimuth <= u.azimuth) & (other.inclination <= u.inclination)
+        names = ("quaternion", "covariance", "common", "method")
+        columns = {name: getattr(own, name).copy() for name in names}
+        for name, column in columns.items():
+            column[better] = getattr(found, name)[better]
+        return replace(own, **columns)
+
+
 class _Robust:
     """The robust adaptive filter behind the judged magnetic windows: it bridges the refused ones."""
 
     def __init__(self, setup: Setup) -> None:
-        self._windows, self._filter = _magnetic(setup), RobustStream(setup.robust())
+        self._windows, self._filter = _magnetic(setup), RobustStream()
 
     def push(self, samples: Samples) -> Attitude:
         return self._filter.push(self._windows.push(samples))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from inclinometry.errors import FileError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
+from inclinometry.gyro.axes import axis_prior, corrected_run
 from inclinometry.gyro.closed_form import tilt, upward
 from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.gyro.north import to_high_side
@@ -55,6 +57,8 @@ class GyroOptions:
     hole : "down" or "up" for tools that cannot tell.
     gravity_sd : of tools without an accelerometer along the hole, whose third component is from |g|: its standard
         uncertainty in units of that in which the others were calibrated; what site and calibration state when None.
+    misalignment, g_sensitivity : standard deviation of an element of the gyros' axes, rad, and of their sensitivity to
+        gravity, rad/s per g; None: as `axis_prior`.
     """
 
     scheme: str = "four"
@@ -70,6 +74,8 @@ class GyroOptions:
     sweep: float = 0.0
     hole: str | None = None
     gravity_sd: float | None = None
+    misalignment: float | None = None
+    g_sensitivity: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
@@ -157,9 +163,21 @@ def north_run(
     _check_history(chosen.history, readings, calibration)
     averages, stations = _averaged(readings, site, calibration, chosen)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
+    triad = None if calibration is None else calibration.tool.triads["gyro"]
+    pairs = chosen.scheme == "two"
+    prior = axis_prior(chosen.misalignment, chosen.g_sensitivity, averages, triad, pairs=pairs)
     known = _expected(stations, averages, heat, chosen)
-    found = {method: solve(method, stations, known) for method in METHODS}
-    checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels)
+    found = {"joint": solve("joint", stations, known)}
+    checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels, prior)
+    effect = None
+    if prior is not None:
+        expected = partial(_expected, averages=averages, heat=heat, options=chosen)
+        stations, known, found["joint"], effect = corrected_run(
+            stations, averages, prior, known, found["joint"], expected
+        )
+    found |= {method: solve(method, stations, known) for method in METHODS[1:]}
+    if effect is not None:
+        found = {method: effect.counted(one) for method, one in found.items()}
     disturbed = fit_no_azimuth(found["joint"], averages.failed)
     found = {method: without_failed(one, averages, disturbed) for method, one in found.items()}
     if wrong := refusal(checks, stations.latitude):
@@ -172,6 +190,7 @@ def north_run(
         track = None
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
+        track = track if effect is None else effect.followed(track)
     flags = _flags(averages, heat, calibration, chosen.history)
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
@@ -182,6 +201,7 @@ def north_run(
         *averages.gravity.findings,
         *averages.rate.findings,
         *gravity_scale(stations),
+        *_axes_note(north, chosen),
         *(
             Finding("gyro-misfit-station", {"station": readings.labels[n]}, (int(n),))
             for n in np.flatnonzero(disturbed)
@@ -234,6 +254,15 @@ def _averaged(
     if suspect := gravity_in_g(stations):
         raise FileError(suspect, path=readings.path)
     return averages, stations
+
+
+def _axes_note(north: North, options: GyroOptions) -> list[Finding]:
+    """What unstated axes of the gyros cost in this run."""
+    if "gyro axes" not in north.components or None not in (options.misalignment, options.g_sensitivity):
+        return []
+    zero = replace(north, components={**north.components, "gyro axes": 0.0 * north.components["gyro axes"]})
+    counted, stated = (float(np.degrees(np.nanmedian(one.u("azimuth")))) for one in (north, zero))
+    return [Finding("gyro-axes-assumed", {"u_deg": counted, "stated_deg": stated}, severity="note")]
 
 
 def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -> list[Finding]:
@@ -305,11 +334,13 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         found = upward(found, found.unseen)
     high, covariance = to_high_side(stations.rate, stations.rate_covariance, found.toolface)
     given = high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude
+    moves = heat is not None and prior != "previous" and np.ptp(heat) > 1.0
+    curve = stated.basis(at)[:, 1:] - stated.basis(at[:1])[:, 1:] if moves else np.zeros((size, 0))
     if prior == "calibration":
-        return ScalePrior(stated_law(*before), *before, *before, None)
+        return ScalePrior(stated_law(*before), *before, *before, None, (), stated, curve)
     track = (smooth_scale if prior == "run" else track_scale)(*given, None if prior == "previous" else heat, stated)
     known = (track.expected, track.expected_sd) if track.contradicted else before
-    return ScalePrior(track.law, *known, *before, track, track.findings)
+    return ScalePrior(track.law, *known, *before, track, track.findings, stated, curve)
 
 
 def _flags(

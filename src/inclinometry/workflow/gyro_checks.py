@@ -11,6 +11,7 @@ from inclinometry.arrays import Array
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding
+from inclinometry.gyro.axes import AxisPrior
 from inclinometry.gyro.result import North
 from inclinometry.gyro.run import ScalePrior, Stations, solve
 from inclinometry.survey.flags import Check
@@ -19,7 +20,12 @@ from inclinometry.workflow.gyro_average import LIGHTEST, gravity_off
 
 
 def check_rates(
-    stations: Stations, known: ScalePrior, joint: North, calibration: Array, labels: Sequence[str]
+    stations: Stations,
+    known: ScalePrior,
+    joint: North,
+    calibration: Array,
+    labels: Sequence[str],
+    axes: AxisPrior | None = None,
 ) -> list[Check]:
     """The rates against the Earth's; gravity along the tool is taken from the solution where it is not measured."""
     # what is stated of the scale factor holds on one side of a jump
@@ -31,12 +37,16 @@ def check_rates(
     covariance[blind, 2, 2] = np.mean(np.diagonal(covariance[blind, :2, :2], axis1=1, axis2=2), axis=1)
     # the calibration's errors are common to all stations: their mean does not vanish
     common = float(np.sqrt(np.max(np.linalg.eigvalsh(np.nan_to_num(calibration))))) / EARTH_RATE
+    rate_covariance = stations.rate_covariance[sound]
+    if axes is not None:
+        rate_covariance = rate_covariance + axes.spread(joint, stations.latitude)[sound]
+        common = float(np.hypot(common, axes.wide[1]))  # of the g-sensitivity: an error of latitude
     checks = rate_checks(
         gravity,
         stations.rate[sound],
         stations.latitude,
         gravity_covariance=covariance,
-        rate_covariance=stations.rate_covariance[sound],
+        rate_covariance=rate_covariance,
         scale=known.stated[sound],
         scale_sd=known.stated_sd[sound],
         followed=None if known.track is None else (known.track.expected[sound], known.track.expected_sd[sound]),
