@@ -78,7 +78,7 @@ def _without(tool: Tool, kind: str, sensor: int) -> tuple[Tool, Index]:
 
 
 def _root(tool: Tool, kind: str, field: Array, by_signal: Array, temperature: Array | None) -> Array:
-    """Cholesky factors (n, k, k) of what noise and calibration do to k quantities by the signals (n, k, m)."""
+    """Cholesky factors (n, k, k) of noise and calibration in k quantities by the signals (n, k, m)."""
     here, spread = tool.slices[kind], by_signal * tool.noise[kind]
     moved = by_parameter(tool.triads[kind], field, by_signal, temperature)
     known = (tool.covariance + tool.stability)[here, here]
