@@ -271,6 +271,8 @@ def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDAr
         if unit and index_unit and not same_unit(unit, index_unit):
             raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=path)
         ends[name] = _number(path, las, name)
+        if np.isnan(ends[name]):
+            raise in_file(wrong_kind(name, "-", "number"), path)
     findings = []
     last = len(depth) - 1
     top = last if depth[0] > depth[last] else 0  # of the rows
@@ -279,7 +281,7 @@ def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDAr
         at = top if name == low else last - top
         there = float(depth[at])
         # headers are often printed with fewer digits than the data
-        if not abs(stated - there) > 0.006 + 1e-6 * abs(there):
+        if abs(stated - there) <= 0.006 + 1e-6 * abs(there):
             continue
         values: dict[str, Value] = {"name": name, "stated": stated, "there": there}
         if (there > stated) is (name == low):
