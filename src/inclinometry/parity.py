@@ -37,7 +37,7 @@ def consistent(tool: Tool, channels: Mapping[str, ArrayLike], temperature: Array
     found = Consistent(tool, dict(channels), np.arange(len(tool.covariance)), {}, [])
     for kind, triad in tool.triads.items():
         signals = finite(channels.get(kind, ()), f"{kind}.channels")
-        # another shape is refused where it is reduced
+        # `tool_fields` refuses another shape
         if triad.count < 4 or signals.shape[1:] != (triad.count,) or not triad.full or not tool.noise[kind].any():
             continue
         parity = _parity(found.tool, kind, signals, temperature)
