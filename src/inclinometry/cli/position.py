@@ -180,12 +180,12 @@ def _of_runs(option: str, texts: Sequence[str], surveys: Sequence[Path]) -> list
     found: dict[int | None, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        if equals and name not in runs and not Path(text).exists():
+        run = runs.get(name) if equals else None
+        if equals and run is None and not Path(text).exists():
             raise not_among(option, name, (path.name for path in surveys))
-        run, own = (runs[name], value) if equals and name in runs else (None, text)
         if run in found:
             raise refused("input-repeated", {"name": option, "value": text})
-        found[run] = own
+        found[run] = text if run is None else value
     return [found.get(k, found.get(None)) for k in range(len(surveys))]
 
 
