@@ -252,7 +252,7 @@ def _summary(found: GyroRun, path: Path) -> dict[str, object]:
         "index_turns": found.index_turns,
         "flagged": sum(bool(row) for row in found.survey.flags),
         "checks": [{"name": c.name, "verdict": c.verdict, "reason": c.reason.plain()} for c in found.checks],
-        "findings": [one.plain() for one in found.survey.findings],
+        "findings": found.survey.findings,
         "output": path,
     }
 

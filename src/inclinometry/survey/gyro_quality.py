@@ -34,9 +34,9 @@ MISREAD: Final = (
 """Mistakes of unit and the factor by which the rates must be multiplied to undo each."""
 
 SAME_SIGN: Final = (
-    "latitude of the wrong sign",
-    "gravity of the wrong sign (specific force)",
-    "gyros of the wrong sign (counter-clockwise counted positive)",
+    "the latitude",
+    "gravity (specific force)",
+    "the gyros (counter-clockwise positive)",
 )
 """Mistakes that no reading of gravity and rate can tell apart; any one, or all three at once.
 

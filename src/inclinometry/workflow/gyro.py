@@ -15,7 +15,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, not_among, refused
+from inclinometry.errors import FileError, SiteError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
@@ -234,7 +234,7 @@ def _averaged(
 ) -> tuple[Averages, Stations]:
     """Gravity and rate of every station; refused where their units cannot be right."""
     if site.latitude is None or site.gravity is None:
-        raise refused("input-missing", {"names": ("latitude_deg",)})
+        raise SiteError(Finding("input-missing", {"names": ("latitude_deg",)}))
     averages = average_run(
         readings,
         calibration,
