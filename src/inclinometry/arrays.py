@@ -57,6 +57,11 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
     return array
 
 
+def bottom_up(depth: Array) -> bool:
+    """Whether depths fall from each to the next."""
+    return len(depth) > 1 and bool((np.diff(depth) < 0.0).all())
+
+
 def increasing(values: Array, name: str) -> None:
     """InputError where finite values (n,) do not strictly increase."""
     back = np.flatnonzero(np.diff(values) <= 0.0)

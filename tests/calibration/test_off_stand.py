@@ -14,6 +14,7 @@ from inclinometry.calibration.off_stand import GRID, OffStand
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.cli import main
 from inclinometry.files.bench_csv import read_bench, read_plan, write_bench, write_plan
+from inclinometry.workflow.calibrate import Options, calibrate
 
 CODES = {"bench-off-scatter", "bench-off-far"}
 
@@ -99,6 +100,8 @@ def test_commands(tmp_path, capsys, monkeypatch):
             main(line.split())
         assert stopped.value.code == 0
     told = json.loads(capsys.readouterr().out)
+    with refused("input-not-with"):
+        calibrate(read_bench("run.csv"), "twelve", Options())
     assert told["off_stand"]["readings"] == 12
     assert 30.0 < told["off_stand"]["scatter_nT"] < 110.0
     assert "bench-off-stand" in {one["code"] for one in told["findings"]}

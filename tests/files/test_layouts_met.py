@@ -160,6 +160,22 @@ def test_table_anywhere_in_a_workbook():
     assert well(Path("two.xlsx").read_bytes(), "c.xlsx", sheet="Survey")[0][0] == [0.0, 304.8, 609.6]
 
 
+def test_a_well_of_a_sheet():
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.active.append(["Report of 2 wells"])
+    sheet = book.create_sheet("Surveys")
+    for row in [["Well", "MD (m)", "Inc (deg)", "Azi (deg)"], *(["AB"[k // 3], *MEASURED[k % 3]] for k in range(6))]:
+        sheet.append(row)
+    book.save("a.xlsx")
+    assert well(Path("a.xlsx").read_bytes(), "b.xlsx", sheet="Surveys/B")[0][0] == [0.0, 304.8, 609.6]
+    with refused("file-surveys", error=FileError, names=("A", "B")):
+        well(Path("a.xlsx").read_bytes(), "b.xlsx", sheet="Surveys")
+    with refused("input-choice", error=FileError):
+        well(Path("a.xlsx").read_bytes(), "b.xlsx", sheet="Survey/B")
+
+
 MEASURED = [[0, 0, 0], [304.8, 10, 45], [609.6, 20, 46]]
 
 
@@ -243,6 +259,8 @@ def test_azimuths_from_two_norths_of_which_the_option_chooses():
         with refused("table-norths", error=FileError, norths=("true", "grid")), reading_with(None, "m,deg"):
             read("a.txt")
     text = "MD (m),Inc (deg),Azi_TN (deg),Azi (deg)\n0,0,1,2\n30,1,3,4\n"
+    with refused("table-norths", error=FileError, norths=("Azi_TN (deg)", "Azi (deg)")):
+        well(text, "b.csv", None)
     assert [well(text, "b.csv", north)[0][2] for north in ("true", "grid")] == [[1.0, 3.0], [2.0, 4.0]]
 
 

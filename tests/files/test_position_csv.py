@@ -163,6 +163,18 @@ def test_a_path_of_positions_alone(tmp_path, head, row, start):
     np.testing.assert_allclose(well.md, np.linspace(0, 500, 21), rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("head", ["md_m,north_m,east_m,tvd_m", "north_m,east_m,tvd_m"])
+def test_positions_from_the_bottom_up_are_turned(tmp_path, head):
+    rows = [(*[500.0 * k / 20] * head.startswith("md"), n, e, d) for k, (d, e, n) in enumerate(CIRCLE)]
+    down, up = (
+        read_well(positions(tmp_path, f"{head},azimuth_reference", [(*row, "grid") for row in of]))
+        for of in (rows, rows[::-1])
+    )
+    assert coded(up.findings) == ["survey-bottom-up", *coded(down.findings)]
+    np.testing.assert_allclose(up.md, down.md, atol=1e-6)
+    np.testing.assert_allclose(up.inclination, down.inclination, atol=1e-9)
+
+
 def test_positions_that_are_no_path(tmp_path):
     head, rows = "north_m,east_m,tvd_m,azimuth_reference", [(n, e, d, "grid") for d, e, n in CIRCLE]
     for bad, code in (

@@ -234,10 +234,10 @@ def test_several_trajectories(tmp_path):
     path = tmp_path / "a.xml"
     with refused("input-choice", error=FileError, name="trajectory"):
         read_witsml(saved(path, FINE[:end] + second + FINE[end:]))
-    assert read_witsml(path, trajectory="T-33").header["name"] == "Other"
-    assert read_witsml(path, trajectory="Certification Trajectory").header["uid"] == "T-32"
+    assert read_witsml(path, sheet="T-33").header["name"] == "Other"
+    assert read_witsml(path, sheet="Certification Trajectory").header["uid"] == "T-32"
     with refused("input-choice", error=FileError, name="trajectory"):
-        read_witsml(path, trajectory="T-99")
+        read_witsml(path, sheet="T-99")
 
 
 def test_too_large_a_file_is_not_parsed(tmp_path, monkeypatch):
@@ -352,7 +352,7 @@ def other_version(text, version):
 def test_other_versions_say_the_same(tmp_path, version):
     write_witsml(full(), tmp_path / "a.xml")
     text = other_version((tmp_path / "a.xml").read_text().partition("?>")[2], version)
-    found = read_witsml(saved(tmp_path / "b.xml", text), trajectory="run 3")
+    found = read_witsml(saved(tmp_path / "b.xml", text), sheet="run 3")
     assert same(replace(found, extra={}, header=full().header), full(), rtol=1e-13)
     assert read_survey(tmp_path / "b.xml").md.tolist() == full().md.tolist()  # by what it begins with
     with refused("file-version", error=FileError):

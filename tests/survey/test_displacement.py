@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.survey.displacement import CasingErrors, CasingReading, check_reading, check_sums, displacement
@@ -78,6 +79,7 @@ DEEPER = {"a": 0.02 + 0.01 * np.sin((DEPTH + SHIFT) / 5.0), "b": 0.015 * np.cos(
         (TILT, "bias", "holes-bias-shift", "bias_shift_mm", 1e3 * 5e-4 * STEP),
         (TURNED, "rotation", "holes-rotation", "rotation_deg", 1.0),
         (DEEPER, "depth", "holes-depth-shift", "depth_mm", 1e3 * SHIFT),
+        ({**TILT, "a": 1.2 * TILT["a"]}, "sensitivity", "holes-sensitivity", "sensitivity_percent", 20.0),
     ],
 )
 def test_an_error_between_readings_is_named_under_a_shear_and_taken_away(fixed, tilt, cause, code, value, true):
@@ -90,7 +92,7 @@ def test_an_error_between_readings_is_named_under_a_shear_and_taken_away(fixed, 
     found = displacement(base, later, stated, fixed=fixed)
     (one,) = [one for one in found.findings if one.severity == "warning"]
     assert one.code == code
-    u = 0.5 * one.values["expanded_deg" if cause == "rotation" else "expanded_mm"]
+    u = 0.5 * next(size for name, size in one.values.items() if name.startswith("expanded"))
     assert abs(one.values[value] - true) <= 3.0 * u
     assert u < 0.1 * abs(true)
     right = displacement(base, later, stated, fixed=fixed, correct=[cause])
@@ -103,6 +105,11 @@ def test_an_error_between_readings_is_named_under_a_shear_and_taken_away(fixed, 
         assert {"bias": "bias shift"}.get(cause, cause) not in parts
         u = np.hypot(parts["random"], parts["correction"]) if "correction" in parts else parts["random"]
         assert abs(moves.displacement - truth.axes[axis].displacement)[free] <= 3.0 * u[free]
+
+
+def test_exchanged_axes_are_refused():
+    with refused("holes-correlation", what="axes A and B are exchanged"):
+        displacement(read(sigma=SIGMA), read({"a": TILT["b"], "b": TILT["a"]}, sigma=SIGMA, seed=1))
 
 
 def test_a_shift_of_depths_is_found_of_one_axis():

@@ -642,8 +642,19 @@ def test_a_channel_that_keeps_one_value_is_named_with_its_stations(sensor, axis)
     assert [(each.code, each.values["axis"], each.rows) for each in found] == [("sensor-frozen", "xyz"[axis], rows)]
 
 
-def test_a_small_gain_step_of_one_axis_is_named():
+BOARD = np.eye(3) + np.random.default_rng(7).normal(0.0, 0.03, (3, 3))
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "axis"),
+    [
+        (lambda v: v * [1.05, 1.0, 1.0], "run-gain-step", "x"),
+        (lambda v: v + [0.0, 0.03 * np.linalg.norm(v[0]), 0.0], "run-sensor-step", "y"),
+        (lambda v: v @ BOARD, "run-sensor-step", "x, y, z"),
+    ],
+)
+def test_a_small_change_of_a_sensor_midway_is_named_and_no_rows_are_exchanged(change, code, axis):
     one = well(5)
-    b = one.b.copy()
-    b[len(b) // 2 :, 0] *= 1.05
-    assert "run-gain-step" in [one.code for one in check_run(Run.of_fields(one.md, one.g, b))]
+    half = np.arange(len(one.b))[:, None] >= len(one.b) // 2
+    found = check_run(Run.of_fields(one.md, one.g, np.where(half, change(one.b), one.b)))
+    assert [(each.code, each.values["axis"]) for each in found] == [(code, axis)]

@@ -7,10 +7,12 @@ import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
+from inclinometry.files.errors_json import RunErrors, write_errors
 from inclinometry.files.position_csv import write_position_csv
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.findings import without_notes
 from inclinometry.position.propagation import Run, propagate, propagate_runs
+from inclinometry.uncertainty import AngleErrors
 from inclinometry.workflow.position import RunFiles, read_position
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
@@ -169,6 +171,24 @@ def test_a_run_replaces_those_before_it_where_it_has_stations(tmp_path):
     np.testing.assert_allclose(one.covariance, propagate(found.survey, code).covariance, rtol=1e-9, atol=1e-12)
     site, mwd, other = runs(tmp_path, mwd=(0, 1200, "true", 0), other=(600, 1500, "true", 20))
     assert [one.severity for one in of([site, mwd, other]).findings if one.code == "work-runs-overlap"] == ["warning"]
+
+
+def test_of_a_gyro_run_whose_end_is_replaced_the_errors_of_its_other_stations_count(tmp_path):
+    site, mwd, gyro = runs(tmp_path, mwd=(600, 1200, "true", 0), gyro=(0, 900, "true", 1))
+
+    def until(last):
+        md = np.arange(0.0, last + 1.0, 30.0)
+        by = np.zeros((len(md), 4, 1))
+        by[:, 1] = 1.0
+        cause = {"azimuth": AngleErrors(by, np.array([[1e-5]]), True)}
+        angles = np.radians(md / 50.0), np.radians(np.full(len(md), 76.0))
+        write_errors(RunErrors(md, *angles, "true", cause), tmp_path / f"{last}.json")
+        return gyro._replace(tool_code=None, errors=tmp_path / f"{last}.json")
+
+    whole, part = of([site, until(900), mwd]), of([site, until(570), mwd])
+    assert [one[:3] for one in whole.runs] == [("gyro.csv", 0.0, 570.0), ("mwd.csv", 600.0, 1200.0)]
+    assert "run 1: azimuth" in whole.uncertainty.sources
+    np.testing.assert_allclose(whole.uncertainty.covariance, part.uncertainty.covariance, rtol=1e-12)
 
 
 def test_gaps_between_runs_and_runs_without_error_model(tmp_path):

@@ -1,6 +1,6 @@
 """Readings off the stand: the tool in attitudes that no dial reads; |g|, |b| and g.b are the same in all.
 
-    |N_a^-1 (y_a - U_a)| = 1,   |N_m^-1 (y_m - U_m)| = l,   their product = l sin(dip)
+    |N_a^-1 (y_a - U_a)| = 1,   |N_m^-1 (y_m - U_m)| = l,   their scalar product = l sin(dip)
 
 of each reading; l and the dip there are free, since the stand's own field is not. They determine all of a tool but the
 turn of its axes, and see the magnetism of a cradle, of a chuck and of iron, which no plan on the stand does. How far
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations_with_replacement, product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -53,44 +53,35 @@ class OffStand:
             slope[..., columns[kind]] = own.reshape(*slope.shape[:2], -1)
             fields[kind], slopes[kind] = field, slope
         off, rows, along = list[Array](), list[Array](), list[Array]()
-        count = len(self.powers)
-        free = np.zeros((count, 0, 2))
-        for place, (kind, field) in enumerate(fields.items()):
-            length = np.linalg.norm(field, axis=1)
-            unit = field / length[:, None]
-            known = np.zeros((count, 1, 2))
-            known[..., 0] = -(kind == "magnetometer")
-            off.append(length - 1.0)
-            rows.append(np.einsum("ki,kip->kp", unit, slopes[kind]))
-            along.append(np.eye(len(fields))[place][None, :, None] * unit[:, None, :])
-            free = np.append(free, known, axis=1)
-        if len(fields) == 2:
-            g, b = fields.values()
-            both = [np.einsum("ki,kip->kp", one, slopes[kind]) for one, kind in ((b, VECTORS[0]), (g, VECTORS[1]))]
-            off.append(np.sum(g * b, axis=1))
-            rows.append(both[0] + both[1])
-            along.append(np.stack([b, g], axis=1))
-            free = np.append(free, np.broadcast_to([0.0, -1.0], (count, 1, 2)), axis=1)
+        pairs = list(combinations_with_replacement(fields, 2))
+        for pair in pairs:
+            share = 0.5 if pair[0] == pair[1] else 1.0
+            moved = np.zeros((len(self.powers), len(fields), 3))
+            for kind, other in (pair, pair[::-1]):
+                moved[:, list(fields).index(kind)] += share * fields[other]
+            off.append(share * (np.sum(fields[pair[0]] * fields[pair[1]], axis=1) - 1.0))
+            rows.append(sum(np.einsum("ki,kip->kp", moved[:, k], slope) for k, slope in enumerate(slopes.values())))
+            along.append(moved)
+        unknown = [place for place, pair in enumerate(pairs) if "magnetometer" in pair]
+        free = np.broadcast_to(np.eye(len(pairs))[:, unknown], (len(self.powers), len(pairs), len(unknown)))
         sizes = self.scatter[[VECTORS.index(kind) for kind in fields]]
         return OffLinear(np.stack(off, axis=1), np.stack(rows, axis=1), free, np.stack(along, axis=1), sizes)
 
 
 class OffLinear(NamedTuple):
-    """Differences (n, h) of |g|, |b|, g.b from their values, and what they follow."""
+    """Differences (n, h) of |g|^2/2, g.b, |b|^2/2 from their values, and what they follow."""
 
     off: Array
     rows: Array  #: (n, h, p) by parameters
-    free: Array  #: (n, h, 2) by |b| there and g.b there
+    free: Array  #: (n, h, f) by g.b and |b|^2/2 there
     along: Array  #: (n, h, kinds, 3) by the fields seen
     scatter: Array  #: (kinds,)
 
     def known(self, weight: Array) -> tuple[Array, Array]:
         """White differences and rows (n h, p) without what |b| and the dip there explain."""
         white = np.linalg.inv(np.linalg.cholesky(self.spread(self.scatter))) * np.sqrt(weight)[:, None, None]
-        off, rows, free = (white @ one for one in (self.off[..., None], self.rows, self.free))
-        left, sizes, _ = np.linalg.svd(free.reshape(-1, 2), full_matrices=False)
-        space = left[:, sizes > 1e-9 * max(sizes[0], 1e-300)]
-        whole = np.concatenate([off, rows], axis=2).reshape(len(space), -1)
+        whole = (white @ np.concatenate([self.off[..., None], self.rows], axis=2)).reshape(self.off.size, -1)
+        space = np.linalg.qr((white @ self.free).reshape(self.off.size, -1))[0]
         whole = whole - space @ (space.T @ whole)
         return whole[:, 0], whole[:, 1:]
 
@@ -104,7 +95,7 @@ class OffLinear(NamedTuple):
         off, rows = alone.known(np.full(len(self.off), 1.0))
         left = off + rows @ estimate
         own = np.linalg.solve(np.eye(len(off)) + rows @ covariance @ rows.T, left)
-        return float(left @ own), len(off) - int(self.free.any(axis=(0, 1)).sum())
+        return float(left @ own), len(off) - self.free.shape[2]
 
     def solve(self, scatter: Array, covariance: Array, estimate: Array) -> Solution:
         """The solution at a scatter together with the stand's own result (estimate, covariance).
@@ -113,8 +104,8 @@ class OffLinear(NamedTuple):
         iteration, what is not known of x in them.
         """
         count, size = self.off.shape
-        rows, free, spread = self.rows.reshape(count * size, -1), self.free.reshape(-1, 2), self.spread(scatter)
-        free = free[:, free.any(axis=0)]
+        rows, free = (one.reshape(count * size, -1) for one in (self.rows, self.free))
+        spread = self.spread(scatter)
         carried = covariance @ rows.T
         inner, r = rows @ carried, self.off.ravel() + rows @ estimate
         weight = np.full(count, 1.0)

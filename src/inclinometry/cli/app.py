@@ -234,7 +234,7 @@ app = _app(
     "  --profile NAME|FILE  Names and units of the columns.\n"
     "  --units ft,deg,mg    Units of columns whose names state none.\n"
     "  --null -999.25       Number that marks an empty cell.\n"
-    "  --sheet NAME         Sheet of a workbook, survey of a P7 or trajectory of a WITSML file.\n"
+    "  --sheet NAME         Sheet of a workbook, survey of a P7 or trajectory of a WITSML file; a well, SHEET/WELL.\n"
     "  --template           Print an example of the input table.\n"
     "  --language ru|zh     Language of the report.\n"
     "  --open               Open the report.\n"

@@ -30,7 +30,7 @@ def displacement(
     depth_sd: Annotated[float, options.quantity("mm", 0.0, 10_000.0)] = 0.0,
     rotation: options.Sd = 0.0,
     correct: Annotated[
-        list[Literal["bias", "rotation", "depth"]] | None, Parameter(consume_multiple=True, negative="")
+        list[Literal["bias", "rotation", "depth", "sensitivity"]] | None, Parameter(consume_multiple=True, negative="")
     ] = None,
     a0_azimuth: options.AzimuthOrNone = None,
     output_: options.OutputOrNone = None,

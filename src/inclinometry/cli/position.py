@@ -113,7 +113,7 @@ def position(
     section_azimuth
         Also write the vertical section along this azimuth, from north 0, east 0.
     feet
-        Lengths in ft, dogleg per 100 ft, in the table, --output and --json.
+        Lengths in ft, dogleg per 100 ft, in the table, --output, --sources and --json.
     """
     from inclinometry.files.position_csv import position_columns
     from inclinometry.files.profile import reading_with, with_constants
@@ -180,12 +180,12 @@ def _of_runs(option: str, texts: Sequence[str], surveys: Sequence[Path]) -> list
     found: dict[int | None, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        if equals and name not in runs and not Path(text).exists():
+        run = runs.get(name) if equals else None
+        if equals and run is None and not Path(text).exists():
             raise not_among(option, name, (path.name for path in surveys))
-        run, own = (runs[name], value) if equals and name in runs else (None, text)
         if run in found:
             raise refused("input-repeated", {"name": option, "value": text})
-        found[run] = own
+        found[run] = text if run is None else value
     return [found.get(k, found.get(None)) for k in range(len(surveys))]
 
 
@@ -223,7 +223,7 @@ def _write(
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
             write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)
         if sources is not None and found.uncertainty is not None:
-            write_sources_csv(sources, found.uncertainty)
+            write_sources_csv(sources, found.uncertainty, feet=shown["feet"])
 
 
 def show_position(found: WellPosition, columns: Mapping[str, Any], most: int = 10) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from inclinometry.arrays import Array, Index, frozen
 from inclinometry.errors import InputError, in_file
 from inclinometry.files._quantities import dimension_of, factor_of, hole_names, same_unit, unit_factor
-from inclinometry.files.frame import Frame
+from inclinometry.files.frame import Column, Frame
 from inclinometry.files.holes_csv import same
 from inclinometry.files.profile import current
 from inclinometry.files.table import TableFile
@@ -119,40 +119,33 @@ def read_casing(path: str | Path, unit: str | None = None, sensors: Sequence[flo
     dates = [table.text(name) for name in names if part_of_time(name)]
     rows = [" ".join(cells) for cells in zip(*dates, strict=True)] or [Path(path).name] * len(table)
     if sensors:
-        return _string(table, columns, places, sensors, unit, rows)
+        table, columns = _stacked(table, columns, places, sensors)
+        rows, depths = np.repeat(rows, len(sensors)).tolist(), {"depth_m": 1.0}
     if len(depths) != 1:
         raise table.error(same(tuple(depths)) if depths else table.lacking("depth_m"))
     several = dict.fromkeys(rows) if len(table) >= _DEPTHS * len(set(rows)) else {}
-    if len(several) < 2:
-        return [_reading(table, columns, depths, unit, Path(path).name)]
-    return [_reading(table.rows(np.array(rows) == date), columns, depths, unit, date) for date in several]
+    parts = [(table.rows(np.array(rows) == date), date) for date in several if len(several) > 1]
+    found = [_reading(part, columns, depths, unit, called) for part, called in parts or [(table, Path(path).name)]]
+    if not sensors:
+        return found
+    # a sensor that stays keeps its bias
+    return [one._replace(findings=tuple(f for f in one.findings if f.code != "holes-unknown")) for one in found]
 
 
-def _string(
-    table: Frame,
-    columns: Mapping[str, Face],
-    places: Mapping[str, int],
-    depths: Sequence[float],
-    unit: str | None,
-    dates: Sequence[str],
-) -> list[CasingFile]:
-    """The readings of an in-place string, one a row."""
-    faces, values = dict[str, Face](), dict[str, Array]()
+def _stacked(
+    table: Frame, columns: Mapping[str, Face], places: Mapping[str, int], depths: Sequence[float]
+) -> tuple[Frame, dict[str, Face]]:
+    """The rows of an in-place string as those of a casing, one a sensor."""
+    size, faces = len(table), dict[str, Face]()
+    cells: dict[str, Column] = {"depth_m": np.tile(depths, size)}
     for axis in sorted({"a", *(axis for axis, _, _ in columns.values())}):
         own = {places[name]: name for name, (of, _, _) in columns.items() if of == axis}
         lost = [f"{axis.upper()}({k})" for k in range(1, len(depths) + 1) if k not in own]
         if lost or len(own) > len(depths):
             raise table.error(table.lacking(*lost, "--sensor-depths-m"))
         faces[axis] = columns[own[1]]
-        values[axis] = np.stack([table.number(own[k]) for k in sorted(own)], axis=1)
-    found = []
-    for row, date in enumerate(dates):
-        cells = {"depth_m": np.array(depths), **{axis: x[row] for axis, x in values.items()}}
-        one = replace(table, columns=cells, lines=np.full(len(depths), table.lines[row]))
-        reading = _reading(one, faces, {"depth_m": 1.0}, unit, date)
-        # a sensor that stays keeps its bias
-        found.append(reading._replace(findings=tuple(f for f in reading.findings if f.code != "holes-unknown")))
-    return found
+        cells[axis] = np.stack([table.number(own[k]) for k in sorted(own)], axis=1).ravel()
+    return replace(table, columns=cells, lines=np.repeat(table.lines, len(depths))), faces
 
 
 def _reading(

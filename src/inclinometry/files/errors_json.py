@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +31,6 @@ class RunErrors:
     errors: Mapping[str, AngleErrors]
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
-
-    def between(self, low: float, high: float) -> RunErrors:
-        """The stations from `low` to `high`, m."""
-        rows = (self.md >= low) & (self.md <= high)
-        if not rows.any():
-            raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
-        errors = {cause: one._replace(by_parameter=one.by_parameter[rows]) for cause, one in self.errors.items()}
-        inclination, azimuth = self.inclination[rows], self.azimuth[rows]
-        return replace(self, md=self.md[rows], inclination=inclination, azimuth=azimuth, errors=errors)
 
 
 _ROWS = ("inclination", "azimuth", "north", "east")

@@ -41,6 +41,7 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
     with ExitStack() as stack:
         book = stack.enter_context(_workbook(path, values=True))
         titles = book.sheetnames
+        sheet = sheet if sheet is None or sheet in titles else sheet.rpartition("/")[0] or sheet  # of SHEET/WELL
         if not titles or sheet not in (None, *titles):
             choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(titles)})
             raise FileError(choice, path=path)

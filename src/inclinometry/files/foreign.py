@@ -314,7 +314,7 @@ def _north() -> str | None:
 def _witsml(path: Path) -> Pieces:
     from inclinometry.files.witsml import read_witsml
 
-    return _survey(path, read_witsml(path, trajectory=current().sheet, azimuth_reference=_north()))
+    return _survey(path, read_witsml(path, sheet=current().sheet, azimuth_reference=_north()))
 
 
 def _wits(path: Path) -> Pieces:

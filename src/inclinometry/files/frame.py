@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.arrays import Array, Mask, frozen
+from inclinometry.arrays import Array, Mask, bottom_up, frozen
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, wrong_kind
 from inclinometry.files._quantities import columns_called
@@ -98,7 +98,7 @@ class Frame:
     def downwards(self, depth: str | None) -> Frame:
         """The same table from the top down, where its depths fall from each row to the next."""
         md = self.columns.get(depth or "", ())
-        if isinstance(md, tuple) or len(md) < 2 or not (np.diff(md) < 0.0).all():
+        if isinstance(md, tuple) or not bottom_up(md):
             return self
         turned = {n: c[::-1] if isinstance(c, tuple) else frozen(c[::-1].copy()) for n, c in self.columns.items()}
         found = (*self.findings, Finding("survey-bottom-up", severity="note"))

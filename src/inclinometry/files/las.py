@@ -247,7 +247,7 @@ def las_frame(where: Path) -> Frame:
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     lines = numbered(parts.lines, parts.first)
-    columns, rows = read_data(where, lines, names, units, _null(where, las), wrap, parts.mark)
+    columns, rows = read_data(where, lines, names, units, _number(where, las, "NULL"), wrap, parts.mark)
     columns = {name: column for name, column in columns.items() if name not in doubled}
     depth = columns[names[0]]
     if parts.spans and not isinstance(depth, tuple):
@@ -270,11 +270,9 @@ def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDAr
         unit = "" if item is None else str(item.unit).strip()
         if unit and index_unit and not same_unit(unit, index_unit):
             raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=path)
-        value = None if item is None else item.value
-        try:
-            ends[name] = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            raise in_file(wrong_kind(name, str(value), "number"), path) from None
+        ends[name] = _number(path, las, name)
+        if np.isnan(ends[name]):
+            raise in_file(wrong_kind(name, "-", "number"), path)
     findings = []
     last = len(depth) - 1
     top = last if depth[0] > depth[last] else 0  # of the rows
@@ -350,14 +348,15 @@ def _value(section: Any, name: str) -> Any:
     return getattr(_item(section, name), "value", None)
 
 
-def _null(path: Path, las: Any) -> float:
-    value = _value(las.well, "NULL")
+def _number(path: Path, las: Any, name: str) -> float:
+    """Of the section ~Well; NaN where nothing is stated."""
+    value = _value(las.well, name)
     if value in (None, ""):
-        return np.nan  # what looks like one is refused where the table is read
+        return np.nan
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise in_file(wrong_kind("NULL", str(value), "number"), path) from None
+        raise in_file(wrong_kind(name, str(value), "number"), path) from None
 
 
 def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:

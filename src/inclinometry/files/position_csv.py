@@ -111,8 +111,12 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     table = opened.read(numeric, gaps)
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
     table = _one_well(table)
-    if "inclination_deg" not in table and "azimuth_deg" not in table and (axes := _axes(table)):
-        return _through(table, *axes)
+    if "inclination_deg" not in table and "azimuth_deg" not in table and _axes(table):
+        vertical = next((n for n in ("md_m", "md_ft", "tvd_m") if n in table), None)
+        # without a measured depth only a well that ends at the surface is listed from the bottom up
+        known = vertical != "tvd_m" or abs(table.number("tvd_m")[-1]) < 0.01 * table.number("tvd_m")[0]
+        table = table.downwards(vertical if known else None)
+        return _through(table, *(_axes(table) or ()))
     table.require(("inclination_deg", "azimuth_deg"))
     empty = np.isnan(table.number("inclination_deg")) & np.isnan(table.number("azimuth_deg"))
     findings = list(table.findings)
@@ -170,9 +174,10 @@ def _one_well(table: Frame) -> Frame:
     wells = () if named is None else tuple(dict.fromkeys(table.text(named)))
     if named is None or len(wells) < 2:
         return table
-    if sheet not in wells:
+    well = sheet if sheet in wells else (sheet or "").rpartition("/")[2]  # of SHEET/WELL
+    if well not in wells:
         raise table.error(Finding("file-surveys", {"names": wells[:20]}))
-    return table.rows(np.array([name == sheet for name in table.text(named)]))
+    return table.rows(np.array([name == well for name in table.text(named)]))
 
 
 def _reference(table: Frame) -> str:
@@ -396,7 +401,7 @@ def write_position_csv(
     writing.write_columns(cells, target, comments)
 
 
-def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> None:
+def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty, *, feet: bool = False) -> None:
     """Write the covariance of every source at every station, one row each; their sum is the total.
 
     Columns: md_m, source, propagation and `COVARIANCES`. A tie-on position that is itself uncertain is a source of
@@ -409,12 +414,10 @@ def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> N
         parts.append(("tie-on", "systematic", np.broadcast_to(tie, (size, 3, 3))))
     # the sources of a station stand together
     stacked = np.stack([covariance for _, _, covariance in parts], axis=1).reshape(-1, 3, 3)
-    writing.write_columns(
-        {
-            "md_m": np.repeat(uncertainty.survey.md, len(parts)),
-            "source": [name for name, _, _ in parts] * size,
-            "propagation": [kind for _, kind, _ in parts] * size,
-            **_covariance_columns(stacked),
-        },
-        target,
-    )
+    columns: dict[str, Array | str | list[str]] = {
+        "md_m": np.repeat(uncertainty.survey.md, len(parts)),
+        "source": [name for name, _, _ in parts] * size,
+        "propagation": [kind for _, kind, _ in parts] * size,
+        **_covariance_columns(stacked),
+    }
+    writing.write_columns(_in_feet(columns) if feet else columns, target)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -43,15 +43,6 @@ class RawSurvey(Tabular):
 
     def __len__(self) -> int:
         return len(self.md)
-
-    def between(self, low: float, high: float) -> RawSurvey:
-        """The stations from `low` to `high`, m."""
-        rows = (self.md >= low) & (self.md <= high)
-        if not rows.any():
-            raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
-        channels = {kind: values[rows] for kind, values in self.channels.items()}
-        temperature = None if self.temperature is None else self.temperature[rows]
-        return replace(self, md=self.md[rows], channels=channels, temperature=temperature, lines=self.lines[rows])
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: depth, channels and temperature, under the names they have in a file."""

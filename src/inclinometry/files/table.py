@@ -116,8 +116,8 @@ class TableFile:
             one = next(pieces, None)
             if one is not None and len(one[0]):
                 pieces = chain([one], pieces)
-                cells = [cells[:1] for cells in one[1]] + [[""]] * len(self._extra)
-                self._clock = Clock(self.path, names, [(*texts_of(c), "")[0] for c in self._chosen(cells)])
+                texts = [(*texts_of(one[1][k][:1]), "")[0] for k in self._kept]
+                self._clock = Clock(self.path, names, [*texts, *[""] * len(self._extra)])
         self._pieces = pieces
         self._timed = self._clock.places if self._clock is not None else []
         self._left = [k for k in range(len(names)) if k not in self._timed]
@@ -134,10 +134,6 @@ class TableFile:
 
     def _error(self, found: Finding, line: int | None) -> FileError:
         return row_error(self.path, found, line, self.word)
-
-    def _chosen(self, cells: Sequence[Any]) -> list[Any]:
-        """Of what is said of each column, that of those that are read and of those that are added."""
-        return [*(cells[k] for k in self._kept), *cells[self._width :]]
 
     def _unread(self, name: str) -> bool:
         """Whether no command needs a column of this name: it may be there twice."""
@@ -178,8 +174,9 @@ class TableFile:
         self.names = tuple(reading.name for reading in self.readings)
         named = azimuths(list(filter(numeric, self.names))).values()
         norths = tuple(dict.fromkeys(one for one in (*(r.north for r in self.readings), *named) if one))
-        if len(norths) > 1:
-            raise self._error(Finding("table-norths", {"norths": norths}), self.line)
+        own = [name for name, r in zip(self.written, self.readings, strict=True) if r.name == "azimuth_deg"]
+        if len(norths) > 1 or (norths and len(own) > 1):
+            raise self._error(Finding("table-norths", {"norths": norths if len(norths) > 1 else tuple(own)}), self.line)
         self._check_names(self.names)
         self.degrees = {
             reading.name

@@ -260,11 +260,11 @@ def _time(text: str) -> str:
 def read_witsml(
     path: str | Path,
     *,
-    trajectory: str | None = None,
+    sheet: str | None = None,
     convention: str = "iscwsa",
     azimuth_reference: str | None = None,
 ) -> SurveyFile:
-    """Read one trajectory (uid or name) of a WITSML document, version 1.3.1, 1.4.1 or 2.x.
+    """Read one trajectory (`sheet`: its uid or name) of a WITSML document, version 1.3.1, 1.4.1 or 2.x.
 
     tran1, tran2 and axial are x, y, z of `convention`. A station of status "rejected" is not used. `corrections` adds
     those of drill string and multi-station. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is
@@ -278,10 +278,10 @@ def read_witsml(
     names = [
         (child.get("uid", ""), next((text_of(e) for n, e in children(child) if n == "name"), "")) for child in found
     ]
-    fits = [child for child, name in zip(found, names, strict=True) if trajectory is None or trajectory in name]
+    fits = [child for child, name in zip(found, names, strict=True) if sheet is None or sheet in name]
     if len(fits) != 1:
         there = tuple(f"{uid:.60} ({name:.60})" for uid, name in names[:20])
-        asked = (trajectory or "-")[:60]
+        asked = (sheet or "-")[:60]
         choice = Finding("input-choice", {"name": "trajectory", "value": asked, "allowed": there})
         raise FileError(choice, path=where, line=root.sourceline)
     chosen = fits[0]

@@ -167,14 +167,13 @@ def displacement(
     Runs read s + b + e1 and -s + b + e2, so half the scatter of the change of check-sums is the standard deviation of a
     step's change. Random errors add up as the root of the steps; a spike adds half its distance from the mean. To first
     order a changed bias adds the same at every step, sensitivity k times the deviation from the fixed end, rotation phi
-    times that in the other axis, a shift of depth z times the change of tilt. Of these errors, "bias", "rotation" and
-    "depth", those to `correct` are taken away where they are found (`inclinometry.survey.false_movement`).
+    times that in the other axis, a shift of depth z times the change of tilt. Of these errors, "bias", "rotation",
+    "depth" and "sensitivity", those to `correct` are taken away where they are found (`survey.false_movement`).
     """
     errors = CasingErrors() if errors is None else errors
     found: list[Finding] = []
     base, now = _common(base, now, fixed, found)
-    for axis in now.faces:
-        _same_way({"reading": now.name, "axis": axis.upper()}, base.deviation(axis), now.deviation(axis), found)
+    _same_way(base, now, found)
     changes = {
         axis: _scatter(runs.sum(axis=1) - base.faces[axis].sum(axis=1), spike_limit) for axis, runs in now.faces.items()
     }
@@ -291,6 +290,7 @@ FALSE_MOVEMENTS: Final = {
     "bias": ("holes-bias-shift", "bias_shift", 1000.0, ("bias_shift_mm", "expanded_mm")),
     "rotation": ("holes-rotation", "rotation", 180.0 / np.pi, ("rotation_deg", "expanded_deg")),
     "depth": ("holes-depth-shift", "depth", 1000.0, ("depth_mm", "expanded_mm")),
+    "sensitivity": ("holes-sensitivity", "sensitivity", 100.0, ("sensitivity_percent", "expanded_percent")),
 }
 """Error between two readings -> its code, the field of `CasingErrors` it replaces, scale and names of value and U."""
 
@@ -324,6 +324,10 @@ def _corrected(
         lean = {of: way * float(steps[place].sum() * false.values[place]) for of, steps in false.steps.items()}
         parts = (Finding("holes-false-part", {"axis": of.upper(), "false_mm": lean[of]}) for of in axis or lean)
         facts["parts"] = tuple(parts)
+        if cause == "sensitivity":
+            rows = np.flatnonzero(np.abs(list(false.steps.values())).max(axis=0)[place])
+            facts |= {"first_m": float(now.depth[rows[0]]), "last_m": float(now.depth[rows[-1]])}
+            facts[size_name] = float(100.0 * false.values[place] / (1.0 - 0.5 * false.values[place]))  # of the base's
         facts["advice"] = "It is corrected" if use[-1] else f"Correct it by --correct {cause}"
         found.append(Finding(code, facts, severity="note" if use[-1] else "warning"))
         errors = replace(errors, **{field: 0.0}) if use[-1] else errors
@@ -368,6 +372,8 @@ CORRELATIONS: Final = {
     "the tilt has the opposite sign of the base reading": (
         "If runs 0 and 180 of one reading are exchanged, correct its columns"
     ),
+    "axes A and B are exchanged": "Correct the columns, or read again with the base reading's groove",
+    "the probe was turned by a quarter of a turn": "Correct the columns, or read again with the base reading's groove",
     "check-sums of neighbouring depths are correlated, as with a drifting bias": (
         "Let the probe warm up; the random part of the uncertainty is too small"
     ),
@@ -393,17 +399,35 @@ def _correlation(name: Mapping[str, Value], what: str, correlation: float) -> Fi
     return Finding("holes-correlation", values)
 
 
-def _same_way(name: Mapping[str, Value], base: Array, now: Array, found: list[Finding]) -> None:
-    """InputError, or a warning, when a casing leans the other way: were the runs 0 and 180 of one reading exchanged?"""
-    size = float(np.linalg.norm(base) * np.linalg.norm(now))
-    match = float(base @ now) / size if size > 0.0 else 1.0
-    if match > -STRAIGHT:
-        return
-    opposite = "the tilt has the opposite sign of the base reading"
-    one = _correlation(name, opposite, match)._replace(severity=refused_if(match < -0.9))
-    if one.severity == "refused":
-        raise InputError(one)
-    found.append(one)
+_TURNS: Final = (
+    ("axes A and B are exchanged", np.array([[0.0, 1.0], [1.0, 0.0]])),
+    ("the probe was turned by a quarter of a turn", np.array([[0.0, 1.0], [-1.0, 0.0]])),
+    ("the probe was turned by a quarter of a turn", np.array([[0.0, -1.0], [1.0, 0.0]])),
+)
+"""What became of the axes of a reading, and the matrix that makes it of the base reading's."""
+
+
+def _same_way(base: CasingReading, now: CasingReading, found: list[Finding]) -> None:
+    """InputError, or a warning, when a casing leans otherwise: were runs, or axes, of one reading exchanged?"""
+    then, later = (np.stack([one.deviation(axis) for axis in one.faces]) for one in (base, now))
+    said = []
+    for axis, one, other in zip(now.faces, then, later, strict=True):
+        size = float(np.linalg.norm(one) * np.linalg.norm(other))
+        match = float(one @ other) / size if size > 0.0 else 1.0
+        if match <= -STRAIGHT:
+            name: dict[str, Value] = {"reading": now.name, "axis": axis.upper()}
+            opposite = "the tilt has the opposite sign of the base reading"
+            said.append(_correlation(name, opposite, match)._replace(severity=refused_if(match < -0.9)))
+    for what, turn in _TURNS if len(then) == 2 else ():
+        match = float(np.corrcoef((turn @ then).ravel(), later.ravel())[0, 1])
+        left = float(np.linalg.norm(later - turn @ then) / max(np.linalg.norm(later - then), ROUNDING))
+        if match > 0.9 and left < 0.2:  # movement is not the other axis
+            turned = _correlation({"reading": now.name, "axis": ("A", "B")}, what, match)
+            said = [turned._replace(severity=refused_if(left < 0.1))]
+    for one in said:
+        if one.severity == "refused":
+            raise InputError(one)
+    found += said
 
 
 def check_reading(reading: CasingReading) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""False movement of a casing: a bias shift, turned axes, shifted depths between two readings, told from real movement.
+"""False movement of a casing, told from movement: bias, turned axes, shifted depths, sensitivity between two readings.
 
 The change of a step is the sum of these errors, movement and noise. Movement is a walk along the casing from the end
 that is fixed, rough or smooth, with jumps (a block that tilts) and single steps (a shear zone) where data need them.
@@ -22,6 +22,8 @@ _EVENT, _EVENT_FIXED, _EVENTS = 6.0, 12.0, 12
 _FIXED: Final = 5
 _WALKS: Final = ((0, 0.0), *((1, 10.0**k) for k in range(-3, 3)), *((2, 10.0**k) for k in range(-6, 2)))
 """How often noise is summed to make a movement, and its variance over that of a step's noise."""
+_PART: Final = 8.0
+"""Log-likelihood that a sensitivity has to gain in addition: any part may have it, and walls bend as casings do."""
 _DRIFT: Final = 5e-4
 """Usual change of a check-sum, as a sine, of a bias that drifts alike in both runs between readings: no error."""
 
@@ -29,8 +31,8 @@ _DRIFT: Final = 5e-4
 class FalseMovement(NamedTuple):
     """Errors found between two readings.
 
-    ratios : "bias a", "bias b", "rotation", "depth" -> log-likelihood ratio. values : m a step, rad, m. covariance : of
-    values. steps : axis -> (p, n) change of each step for a unit of each, m.
+    ratios : "bias a", "bias b", "rotation", "depth", "sensitivity a", .. b -> log-likelihood ratio. values : m a step,
+    rad, m, relative. covariance : of values. steps : axis -> (p, n) change of each step for a unit of each, m.
     """
 
     ratios: Mapping[str, float]
@@ -108,6 +110,15 @@ def _agreement(lean: float, sums: float, u: float) -> float:
     return float(np.log((match + drift) / (2.0 * normal(sums, u) + drift)))
 
 
+def _of_part(change: Array, mean: Array, axis: int) -> Array:
+    """The mean of one axis (k, n) over all steps, or a side, whichever is most in proportion to its change."""
+    n = mean.shape[1]
+    parts = np.array([np.full(n, 1.0), *np.tri(n)[4:-4:4], *np.tri(n).T[4:-4:4]]) * mean[axis]
+    gain = (parts @ change[axis]) ** 2 / np.maximum(np.sum(parts**2, axis=1), 1e-300)
+    gain[0] *= 1.05  # a part has to explain more
+    return np.asarray(np.where(np.arange(len(mean))[:, None] == axis, parts[int(gain.argmax())], 0.0))
+
+
 def false_movement(change: Array, mean: Array, noise: Array, sums: Array, step: float, *, down: bool) -> FalseMovement:
     """Errors between two readings of a casing.
 
@@ -119,6 +130,7 @@ def false_movement(change: Array, mean: Array, noise: Array, sums: Array, step: 
     if k == 2:
         units["rotation"] = np.stack([mean[1], -mean[0]])
     units["depth"] = np.gradient(mean, step, axis=1)
+    units |= {f"sensitivity {'ab'[axis]}": _of_part(change, mean, axis) for axis in range(k)}
 
     def fit(names: list[str]) -> _Fit:
         columns = np.array([units[name] for name in names]).reshape(-1, k, n)
@@ -132,6 +144,8 @@ def false_movement(change: Array, mean: Array, noise: Array, sums: Array, step: 
         without = {name: fit([other for other in names if other != name]) for name in names}
         ratios = {name: without[name].cost - best.cost for name in names}
         for axis in range(k):
+            if (name := f"sensitivity {'ab'[axis]}") in names:
+                ratios[name] -= _PART
             if (name := f"bias {'ab'[axis]}") in names:
                 lean, u = best.values[names.index(name)] / step, 2.0 * noise[axis] / step / np.sqrt(n)
                 ratios[name] += _agreement(lean, sums[axis], u)

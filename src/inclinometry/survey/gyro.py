@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Index, Mask, finite, increasing, within
+from inclinometry.arrays import Array, Index, Mask, bottom_up, finite, increasing, within
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
 from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding, Severity, Value
@@ -239,10 +239,9 @@ def gyro_survey(
     stations, in the order given.
     """
     depth = finite(md, "md", (None,))
-    steps = np.diff(depth)
-    if not (steps < 0.0).all():
-        increasing(depth, "md")
-    order = np.arange(len(depth)) if len(depth) < 2 or steps[0] > 0.0 else np.arange(len(depth))[::-1]
+    up = bottom_up(depth)
+    order = np.arange(len(depth))[:: -1 if up else 1]
+    increasing(depth[order], "md")
     azimuth, reference, components = north.azimuth, "true", dict(north.components)
     if site is not None and site.north_reference == "grid":
         reference = "grid"
@@ -257,7 +256,7 @@ def gyro_survey(
     blank = np.full(len(depth), np.nan)
     total = blank if g_total is None else np.broadcast_to(np.asarray(g_total, dtype=np.float64), depth.shape)
     sorted_errors = {name: one._replace(by_parameter=one.by_parameter[order]) for name, one in (errors or {}).items()}
-    turned = [Finding("survey-bottom-up", severity="note")] * int(order[0] != 0)
+    turned = [Finding("survey-bottom-up", severity="note")] * up
     return Survey(
         depth[order],
         north.inclination[order],

@@ -13,7 +13,7 @@ depths, repeated rows and single stations.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from itertools import permutations
+from itertools import permutations, product
 from typing import Final
 
 import numpy as np
@@ -59,7 +59,7 @@ def check_run(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
         others = [one for one in check_run(kept.rows(rest)) if one.group in ("axes", "columns", "units")]
         found += [*clipped, *(_placed(one, rest) for one in others)]
     else:
-        whole = _gain_step(kept)
+        whole = _step(kept)
         if not any(
             one.severity == "refused" for one in whole
         ):  # a small step may be what is left of exchanged channels
@@ -471,38 +471,76 @@ def _units(sizes: Mapping[str, Array]) -> list[Finding]:
     return []
 
 
-def _gain_step(run: Run) -> list[Finding]:
-    """A sensor, or a triad, whose gain changes midway, by least squares of the field's length after each station."""
-    for kind, values, least in zip(VECTORS, (run.g, run.b), (0.02, 0.02), strict=True):
-        if values is None or len(values) < 8:
+def _step(run: Run) -> list[Finding]:
+    """A sensor, or a triad, whose gains or offsets change midway: what each does to the length of the field.
+
+    Where u is the field's direction in the tool, its inverse squared length is u' A u with the tensor of all gains, and
+    offsets add b' u and, large, (b' u)^2: linear, in columns free of the noise of the length. What all stations share,
+    offsets, or gains and axes too, makes totals step where the hole bends: a change has to explain more (Schwarz).
+    """
+    for kind, values in zip(VECTORS, (run.g, run.b), strict=True):
+        if values is None or (n := len(values)) < 8 or not (length := np.linalg.norm(values, axis=1)).all():
             continue
-        squares = values**2
-        length = np.sum(squares, axis=1)
-        before = _spread(np.sqrt(length) / np.median(np.sqrt(length)))
-        if before < 0.5 * least or not (length > 0.0).all():
+        u, square = values / length[:, None], (length / np.median(length)) ** 2
+        if (before := _spread(np.sqrt(square))) < 0.0025:
             continue
-        best: tuple[float, str, int, float, float] | None = None
-        for row in range(4, len(values) - 3):
-            usual = float(np.median(length[:row]))
-            for axis, seen in (("x, y, z", length), *(("xyz"[k], squares[:, k]) for k in range(3))):
-                there = seen[row:]
-                gain = float(np.sum((usual - length[row:] + there) * there)) / max(float(np.sum(there**2)), 1e-300)
-                if gain <= 0.0 or abs(np.log(gain)) < 2.0 * least:
-                    continue
-                fixed = np.sqrt(np.maximum(length + np.pad((gain - 1.0) * there, (row, 0)), 0.0))
-                left = float(np.std(fixed / np.median(fixed)))
-                if best is None or left < best[0]:
-                    best = left, axis, row, 1.0 / np.sqrt(gain), _spread(fixed / np.median(fixed))
-        # offsets, of sensors or of the assembly, make totals step where the hole bends
-        offsets = np.linalg.lstsq(np.column_stack([values, np.ones(len(values))]), length, rcond=None)[0][:-1]
-        even = np.sqrt(np.maximum(length - values @ offsets, 0.0))
-        if best is not None and best[4] < 0.2 * min(before, _spread(even / max(float(np.median(even)), 1e-300))):
-            _, axis, row, factor, undone = best
-            facts: dict[str, Value] = {"sensor": kind, "axis": axis, "gain": float(factor), "station": row + 1}
-            facts |= {"md_m": float(run.md[row]), "scatter_percent": 100.0 * before, "left_percent": 100.0 * undone}
-            severity = refused_if(abs(np.log(factor)) > 0.2)
-            return [Finding("run-gain-step", facts, tuple(range(row, len(run.md))), severity)]
+        one, late = np.full((n, 1), 1.0), np.tri(n).T[: n - 3, :, None]
+        offsets = np.column_stack([one, u])
+        every = np.column_stack([offsets, u[:, :2] ** 2, u * np.roll(u, 1, axis=1)])
+        added = {("gain", "x, y, z"): one, ("board", "x, y, z"): every}
+        added |= {("gain", axis): u[:, [k]] ** 2 for k, axis in enumerate("xyz")}
+        added |= {("offset", axis): np.vander(u[:, k], 3) for k, axis in enumerate("xyz")}
+        shared = min(_fitted(square, base[None])[0] for base in (one, offsets, every)[: 3 if n > 20 else 2])
+        best, undone, factor, row, what, axis = np.inf, np.inf, 1.0, 0, "", ""
+        for base, ((change, of), own) in product((one, offsets), added.items()):
+            start = 4 if change == "gain" else 12  # a casing's steel changes offsets of the first stations
+            if base.shape[1] + own.shape[1] < n / 2 and n > start + 3:
+                fixed = np.broadcast_to(base, (n - 3 - start, *base.shape))
+                value, k, model, rest = _fitted(square, np.concatenate([fixed, late[start:] * own], axis=2))
+                kept = 1.0 + float(model[-1] / model[0]) if change == "gain" else 1.0
+                if kept > 0.0 and value < best and (k or change == "gain"):
+                    best, undone, factor, row, what, axis = (
+                        value,
+                        0.5 * _spread(rest),
+                        kept**-0.5,
+                        start + k,
+                        change,
+                        of,
+                    )
+        if shared - best < 30.0 or undone > 0.3 * before or (what == "gain" and abs(factor - 1.0) < 0.015):
+            continue
+        code, said = ("run-gain-step", {"gain": factor}) if what == "gain" else ("run-sensor-step", _CHANGES[what])
+        facts: dict[str, Value] = {**said, "sensor": kind, "axis": axis, "station": row + 1, "md_m": float(run.md[row])}
+        facts |= {"scatter_percent": 100.0 * before, "left_percent": 100.0 * undone}
+        return [Finding(code, facts, tuple(range(row, n)), refused_if(abs(np.log(factor)) > 0.2))]
     return []
+
+
+_CHANGES: Final[dict[str, dict[str, Value]]] = {
+    "offset": {"what": "another offset"},
+    "board": {"what": "other gains and offsets, as of another board or tool"},
+}
+"""What else than a gain may change."""
+
+
+def _fitted(square: Array, designs: Array) -> tuple[float, int, Array, Array]:
+    """Of designs (k, n, p) of inverse squares the best: Schwarz's criterion, its place, coefficients and residuals.
+
+    The likelihood is Student's t of 3 degrees of freedom, as of directions: steel of a casing fades from it.
+    """
+    k, n, p = designs.shape
+    designs = square[:, None] * designs  # relative residuals
+    across, ridge = designs.swapaxes(1, 2), 1e-9 * np.eye(p)  # what no station tells apart is left at zero
+    models = np.linalg.solve(across @ designs + ridge, across.sum(axis=2, keepdims=True))
+    best = int(np.argmin(np.sum((1.0 - (designs @ models)[:, :, 0]) ** 2, axis=1)))
+    design, model = designs[best], models[best, :, 0]
+    for _ in range(6):
+        rest = 1.0 - design @ model
+        scale = 1.4826 * float(np.median(np.abs(rest))) * float(np.sqrt(n / max(n - p, 1))) + 2e-4
+        off = 1.0 + (rest / scale) ** 2 / 3.0
+        model = np.linalg.solve(design.T / off @ design + ridge, (design.T / off).sum(axis=1))
+    value = 4.0 * float(np.sum(np.log(off))) + 2.0 * n * float(np.log(scale)) + (p + (k > 1)) * float(np.log(n))
+    return value, best, model, 1.0 - design @ model
 
 
 def _steps(run: Run) -> list[Finding]:

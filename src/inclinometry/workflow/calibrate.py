@@ -152,6 +152,8 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     """Calibrate with a method by name; an option the method cannot use is refused, never ignored."""
     run = method(method_name)
     refuse_unused(method_name, options)
+    if readings.off_stand is not None and method_name != "joint":
+        raise refused("input-not-with", {"name": "part", "other": f"--method {method_name}"})
     if method_name in ("field", "norm"):
         return run(readings, specific_force=options.specific_force, name=options.name)
     overruled = []

@@ -41,7 +41,7 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
         "xlsx": Format((".xlsx", ".xlsm", ".xls"), "files.six_axis:read_excel", "files.excel:write_excel"),
         "parquet": Format((".parquet", ".pq"), "files.six_axis:read_parquet", "files.parquet:write_parquet"),
         "las": Format((".las",), "files.six_axis:read_las", "files.las:write_las"),
-        "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "files.witsml:write_witsml"),
+        "witsml": Format((".witsml", ".xml"), "files.witsml:read_witsml", "files.witsml:write_witsml"),
         "p7": Format((".p7", ".p717"), "files.p7:read_p7_survey", "workflow.convert_formats:write_p7"),
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"

@@ -15,15 +15,6 @@ def write_p7(file: SurveyFile, path: str | Path) -> None:
     p7.write_p7(p7.p7_file(file), path)
 
 
-def read_witsml(
-    path: str | Path, *, convention: str = "iscwsa", azimuth_reference: str | None = None, sheet: str | None = None
-) -> SurveyFile:
-    """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `files.witsml.read_witsml`."""
-    from inclinometry.files import witsml
-
-    return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
-
-
 def read_wits(
     path: str | Path,
     *,

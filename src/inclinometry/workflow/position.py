@@ -39,7 +39,7 @@ from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, declination_doubts
-from inclinometry.workflow.well_runs import Piece, one_well
+from inclinometry.workflow.well_runs import Piece, one_well, stations_between
 
 
 class RunFiles(NamedTuple):
@@ -262,13 +262,13 @@ def _model(
         calibration, said = at_the_run(read_calibration(run.tool), run.tool, well.site, age, otherwise=1.0)
         raw = None if run.raw is None else read_raw_survey(run.raw)
         correction, warned = _stored(run.corrections, run.tool, calibration, raw, well.site)
-        raw = raw.between(low, high) if raw is not None and part else raw
+        raw = stations_between(raw, low, high) if raw is not None and part else raw
         model = calibration_error_model(calibration, well, stations, raw, code, correction, rows)
         said = [*said, *warned]
         name = "the tool" if calibration.tool.name in ("", "unnamed") else calibration.tool.name
     if run.errors is not None:
         errors = read_errors(run.errors)
-        model = _of_run(errors.between(low, high) if part else errors, well, code)
+        model = _of_run(stations_between(errors, low, high) if part else errors, well, code)
     sources, code, more = model
     said += more if code is None else [*more, *code.findings]
     if code is not None and code.east_west_exclusion:

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.errors import refused
+from inclinometry.files.errors_json import RunErrors
 from inclinometry.files.position_csv import WellStations
+from inclinometry.files.survey_csv import RawSurvey
 from inclinometry.findings import Finding, Value
 from inclinometry.survey.path import directions, interpolate, minimum_curvature
+from inclinometry.uncertainty import AngleErrors
 
+Run = TypeVar("Run", RawSurvey, RunErrors)
 Piece: TypeAlias = tuple[int, int, int]
 """First and last station of a stretch of a well, and its run, from 0."""
+
+
+def stations_between(run: Run, low: float, high: float) -> Run:
+    """What a file has of the stations from `low` to `high`, m."""
+    rows = (run.md >= low) & (run.md <= high)
+    if not rows.any():
+        raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
+
+    def part(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {name: part(one) for name, one in value.items()}
+        if isinstance(value, AngleErrors):
+            return value._replace(by_parameter=value.by_parameter[rows])
+        return value[rows] if isinstance(value, np.ndarray) else value
+
+    return replace(run, **{one.name: part(getattr(run, one.name)) for one in fields(run)})
 
 
 def one_well(wells: Sequence[WellStations], site: Site, north: str) -> tuple[WellStations, list[Piece], list[Finding]]:
