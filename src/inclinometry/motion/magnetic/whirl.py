@@ -11,7 +11,7 @@ from inclinometry.motion.magnetic.phase import Complex
 def whirl_acceleration(lateral: Complex, angle: Array) -> float:
     """What circles (`one_handed`) both in the hole and as the turning tool sees it, m/s^2 rms.
 
-    Shaking to and fro along an axis of the tool has two hands there, and one in the hole, at the orders next to its own.
+    Shaking to and fro along an axis of the tool has two hands there, but one in the hole at each order next to it.
     """
     return min(one_handed(lateral, angle), one_handed(lateral * np.exp(1j * angle), angle))
 
