@@ -39,6 +39,7 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError, refused, settled
 from inclinometry.findings import Finding, Value, without_notes
 from inclinometry.orientation import angles, angles_jacobian, attitude_jacobian, dip_angle, inclination_toolface
+from inclinometry.parity import consistent
 from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
@@ -220,8 +221,26 @@ def verify(
     # all within a degree of one setting
     if len(readings) > 1 and not agreed and np.ptp(np.stack(readings.dials, axis=1), axis=0).max() < np.radians(1.0):
         raise refused("verify-one-position", {"count": len(readings)})
+    noisy = repeated_noise(readings, calibration) if stand is None else ()
+    readings, calibration, odd = agreeing(readings, calibration)
     found = _verified(readings, calibration, limits, stand, second, agreed=agreed)
-    return replace(found, findings=(*found.findings, *(repeated_noise(readings, calibration) if stand is None else ())))
+    return replace(found, findings=(*found.findings, *odd, *noisy))
+
+
+def agreeing(readings: BenchReadings, calibration: Calibration) -> tuple[BenchReadings, Calibration, list[Finding]]:
+    """Readings and calibration without the sensors that contradict the others of their kind."""
+    own = calibration.tool
+    found = consistent(own, readings.channels, readings.temperature)
+    if found.left_out:
+        size = len(own.parameter_names)
+        kept = np.concatenate([found.places, np.arange(size, len(calibration.parameter_names))])
+        names = (*found.tool.parameter_names, *calibration.parameter_names[size:])
+        covariance = calibration.covariance[np.ix_(kept, kept)]
+        calibration = replace(calibration, tool=found.tool, parameter_names=names, covariance=covariance)
+        channels = {kind: np.asarray(each) for kind, each in found.channels.items()}
+        step = {kind: each for kind, each in readings.step.items() if kind not in found.left_out}
+        readings = replace(readings, channels=channels, step=step)
+    return readings, calibration, found.findings
 
 
 def _verified(
@@ -319,7 +338,9 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     many = np.full(len(plan), within(count, "count", 1, 1e9))
     found = _verified(BenchReadings(seen, *dials, units=units, temperature=warm, count=many), calibration, limits)
     notes = () if found.power is None else found.power.findings
-    return replace(found, findings=(*without_notes(found.findings), *notes))
+    # positions can still be added
+    little = [one._replace(severity="warning") for one in found.findings if one.code == "verify-detects-little"]
+    return replace(found, findings=(*without_notes(found.findings), *little, *notes))
 
 
 def _with_power(
@@ -345,9 +366,10 @@ def _with_power(
         wide = "Agree on narrower limits, or take a pass as a test of these limits only"
         remedy = "Take more positions over the range of use, or a better stand" if limits is None else wide
         detects: dict[str, Value] = {"positions": len(found.station), "times": times(worth.factor)}
-        more.append(Finding("verify-detects-little", {**detects, "remedy": remedy}))
+        more.append(Finding("verify-detects-little", {**detects, "remedy": remedy}, severity="note"))
     if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
-        more.append(Finding("verify-freedom", {"factor": factor, "freedom": float(freedom.min())}))
+        few: dict[str, Value] = {"factor": factor, "freedom": float(freedom.min())}
+        more.append(Finding("verify-freedom", few, severity="note"))
     return replace(found, power=worth, findings=(*found.findings, *more, *worth.findings))
 
 

@@ -159,16 +159,11 @@ def read_p7_survey(
     numbers = tuple(map(str, found.surveys))
     if sheet is None and len(found.surveys) > 1:
         raise FileError(Finding("file-surveys", {"names": numbers}), path=path)
-    wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
-    survey = next(wanted, None)
-    if survey is None:
-        raise FileError(
-            Finding("input-choice", {"name": "--sheet", "value": sheet or "", "allowed": numbers}), path=path
-        )
-    raw = ("M7", "G7")
-    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
-    if not others:
-        return survey
+    wanted = numbers[0] if sheet is None else sheet.strip()
+    if wanted not in numbers:
+        raise FileError(Finding("input-choice", {"name": "--sheet", "value": wanted, "allowed": numbers}), path=path)
+    survey = found.surveys[int(wanted)]
+    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in FIELDS]
     return replace(survey, findings=(*survey.findings, *unused(others)))
 
 

@@ -23,6 +23,7 @@ from inclinometry.findings import Finding
 from inclinometry.opening import damaged
 
 NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
+_FLOAT: Final = re.compile(rf"{NUMBER.pattern}|[+-]?(nan|inf|infinity)", re.I)
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
 """A line drawn below the names."""
 LEGS: Final = re.compile(
@@ -177,10 +178,7 @@ def _filled(cell: Any) -> bool:
 
 
 def _is_number(cell: Any) -> bool:
-    return (
-        not isinstance(cell, str)
-        or re.fullmatch(rf"{NUMBER.pattern}|[+-]?(nan|inf|infinity)", cell.strip(), re.I) is not None
-    )
+    return not isinstance(cell, str) or _FLOAT.fullmatch(cell.strip()) is not None
 
 
 Piece = tuple[NDArray[np.int64], list[Cells]]
@@ -382,7 +380,8 @@ class TextTable:
         if not any(map(_filled, row)) or (self._laid is not None and _drawn(text)):
             return False
         if text.startswith("#"):
-            self._check_comment(row, line)
+            if len(row) == width > 1:
+                raise FileError(Finding("table-comment"), path=self.path, line=line)
             return False
         if self._laid is not None and len(row) == self._laid.second_row:
             self.second += 1
@@ -400,10 +399,6 @@ class TextTable:
             re.search(r"[^\W\d]", text) and (number or " " in text or ":" in text)
             for text, number in zip(texts, places, strict=False)
         )
-
-    def _check_comment(self, row: Sequence[Any], line: int) -> None:
-        if len(row) == len(self.names) > 1:
-            raise FileError(Finding("table-comment"), path=self.path, line=line)
 
     def _cut(self, line: Any) -> Sequence[Any]:
         # the last cells of a row of a sheet may be missing

@@ -10,10 +10,10 @@ from inclinometry.arrays import within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import refused
+from inclinometry.findings import without_notes
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Magnitudes, reference_in, reversed_field, station_flags, summary
-from inclinometry.survey.from_tool import NOTHING_STATED
 from inclinometry.survey.reduce import BLOCK, Survey, turned_to_north
 from inclinometry.survey.stations import Stations
 
@@ -65,7 +65,7 @@ def survey_from_stations(
         # as for a tool: gravity varies by half a per cent over the Earth
         reference.strength["accelerometer"] = (STANDARD_GRAVITY, 0.002 * STANDARD_GRAVITY)
     flags = station_flags(found, inclination_sd, size, tool, stations.temperature, reference)
-    unsaid = [one for one in stations.history if one == NOTHING_STATED]
+    unsaid = without_notes(stations.history)
     unknown = np.full(len(stations), np.nan)
     return Survey(
         stations.md,

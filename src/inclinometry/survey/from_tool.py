@@ -12,6 +12,7 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import VECTORS
 from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding, Value
+from inclinometry.parity import consistent
 from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
 from inclinometry.survey.stations import Source, Stations
@@ -47,8 +48,10 @@ def stations_from_tool(
             raise refused("input-uncalibrated", {"kind": kind})
         if kind not in channels:
             raise refused("input-triads", {"lacking": (kind,), "needed": VECTORS})
-    seen, _ = tool_fields({kind: channels[kind] for kind in VECTORS}, tool, heat, len(depth), "magnetometer")
-    known, history = [], [_step("raw channels reduced with the calibration of tool", tool.name)]
+    agreed = consistent(tool, {kind: channels[kind] for kind in VECTORS}, heat)
+    tool = agreed.tool
+    seen, _ = tool_fields(agreed.channels, tool, heat, len(depth), "magnetometer")
+    known, history = [], [_step("raw channels reduced with the calibration of tool", tool.name), *agreed.findings]
     for kind, unit, name, stated in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), (g, b), strict=True):
         own = tool.triads[kind].field_strength
         if own is None:

@@ -17,6 +17,7 @@ from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import not_among, refused, wrong_shape
 from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import Angles, angles, inclination_toolface
+from inclinometry.parity import consistent
 from inclinometry.rotations import wrap_positive
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
 from inclinometry.survey.flags import (
@@ -337,9 +338,11 @@ def reduce_survey(
     second = _second(channels, second)
     if hole not in ("down", "up"):
         raise not_among("hole", hole, ("down", "up"))
+    agreed = consistent(tool, channels, heat)
+    tool, channels = agreed.tool, agreed.channels
     length, length_sd, assumed = _gravity(tool, site, hole, gravity_sd)
     seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
-    left_out += assumed
+    left_out += [*agreed.findings, *assumed]
     found, parts, common, random = _attitude(seen, tool, heat, second, length_sd)
     own = set(parts)
     azimuth, parts, reference, told = turned_to_north(

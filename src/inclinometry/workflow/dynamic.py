@@ -237,6 +237,7 @@ def dynamic_run(
         *work.rows.told,
         *work.known,
         *work.signals.out_of_range.findings(),
+        *work.signals.contradictions.values(),
         *report.findings(),
         *temperature_findings(work.monitor.heat, calibration),
         *work.rows.findings,

@@ -17,6 +17,7 @@ from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.run_file import RunBlock, RunFile
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.axes import too_fast
+from inclinometry.parity import consistent
 from inclinometry.sensors import Triad
 
 # Single values of a run that no sensor reads: markers of other programs for a missing value, and broken bytes.
@@ -93,10 +94,12 @@ class Signals:
         calibration: Calibration | None = None,
         turned: Mapping[str, Array] = MappingProxyType({}),
     ) -> None:
-        self._run, self._calibration, self._turned = run, calibration, turned
+        self._run, self._turned, self._tool = run, turned, None if calibration is None else calibration.tool
         self._warm: float | None = None
         self._judged = False
         self.out_of_range = OutOfRange(run.names)
+        self._left_out: list[tuple[str, int]] = []
+        self.contradictions: dict[str, Finding] = {}
         if calibration is None:
             self._factors = {kind: _factor(kind, run.units[kind], names) for kind, names in run.names.items()}
         else:
@@ -116,12 +119,13 @@ class Signals:
         """
         heat = None if block.temperature is None else self._held(block.temperature)
         found: dict[str, Array] = {}
+        agreed = self._agreed(block.channels, heat)
         for kind, values in block.channels.items():
-            if self._calibration is None:
+            if self._tool is None:
                 found[kind] = values * self._factors[kind]
             else:
-                triad = self._calibration.tool.triads[kind]
-                found[kind] = self._strengths[kind] * _field(triad, values, heat, found.get("accelerometer"))
+                field = _field(self._tool.triads[kind], agreed[kind], heat, found.get("accelerometer"))
+                found[kind] = self._strengths[kind] * field
             found[kind] = self.out_of_range.masked(kind, values, found[kind])
             if kind in self._turned:
                 found[kind] = found[kind] @ self._turned[kind].T
@@ -132,6 +136,26 @@ class Signals:
                 self._judge(kind, vectors)
         named = {KIND_PREFIX[kind]: vectors for kind, vectors in found.items()}
         return named if heat is None else {**named, "temperature": heat}
+
+    def _agreed(self, channels: Mapping[str, Array], heat: Array | None) -> dict[str, Array]:
+        """Channels of a block without the sensors that contradict the others, now or in a block before."""
+        if self._tool is None or not any(values.shape[1] > 3 for values in channels.values()):
+            return dict(channels)
+        channels = dict(channels)
+        for kind, sensor in self._left_out:
+            channels[kind] = np.delete(channels[kind], sensor, axis=1)
+        whole = np.flatnonzero(np.isfinite(np.concatenate(list(channels.values()), axis=1)).all(axis=1))
+        some = whole[:: max(len(whole) // 1000, 1)]
+        judged = {kind: values[some] for kind, values in channels.items() if values.shape[1] > 3}
+        if judged and len(some):
+            found = consistent(self._tool, judged, None if heat is None else heat[some])
+            for one in found.findings:
+                self.contradictions.setdefault(str(one.values["kind"]), one._replace(rows=()))
+            self._left_out += found.left_out.items()
+            self._tool = found.tool
+            for kind, sensor in found.left_out.items():
+                channels[kind] = np.delete(channels[kind], sensor, axis=1)
+        return channels
 
     def _held(self, temperature: Array) -> Array:
         """Temperature (n,) with the last value where there is none; the first there is before it."""
