@@ -115,6 +115,12 @@ def static_figures() -> dict[str, float]:
         "codes of findings": len(messages),
         "words of a message, mean": round(statistics.fmean(messages), 1),
         "words of a message, most": max(messages),
+        "places that parse a sentence": sum(len(PARTS.findall(text)) for text in texts.values()),
+        "patterns that translate sentences": sum(
+            len(re.findall(r"\(\?P<|\(\.[*+]\)", path.read_text("utf-8")))
+            for path in [*(SOURCE / "catalogue").glob("*.po"), *SOURCE.rglob("translations.json")]
+        ),
+        "widest terminal table on a page": terminal_width(),
         "banned turns of phrase": sum(n for turn, n in turns.counts().items() if turn in turns.banned()),
         "import circles, function-level imports included": len(circles({p: tree for p, (_, tree) in modules.items()})),
         "eight formulas found in two guesses": found,
@@ -130,16 +136,34 @@ def errors_of_text(tree: ast.Module) -> int:
 
 
 def message_words() -> list[int]:
-    """Words of the sentence and the remedy of every code, a value as one word."""
+    """Words of the sentence and the remedy of every code: of a list of texts all, of another value one."""
     entries: dict[str, dict[str, object]] = {}
     for path in (SOURCE / "catalogue").glob("*.toml"):
         entries |= {code: entry for code, entry in tomllib.loads(path.read_text("utf-8")).items() if code != "words"}
-    whole = [entry for entry in entries.values() if "means" in entry]
-    said = [
-        (entry["says"][-1] if isinstance(entry["says"], list) else entry["says"], entry.get("do", ""))
-        for entry in whole
-    ]
-    return [len(re.sub(r"\{[^}]*\}", "value", " ".join(map(str, parts))).split()) for parts in said]
+    found = []
+    for entry in (entry for entry in entries.values() if "means" in entry):
+        says, example = entry["says"], {"": "value"} | dict(entry.get("example", {}))
+        text = f"{says[-1] if isinstance(says, list) else says} {entry.get('do', '')}"
+        for name in re.findall(r"\{(\w+)", text):
+            given = example[name]
+            listed = isinstance(given, list) and all(isinstance(one, str) for one in given)
+            text = re.sub(rf"\{{{name}[^}}]*\}}", " ".join(given) if listed else "value", text)
+        found.append(len(text.split()))
+    return found
+
+
+PARTS = re.compile(
+    r"str\((?:\w+\.)*(?:error|message|orig|finding|reason|found|said)\)\.(?:startswith|endswith|\w*partition|split\((?!\))|removesuffix)"
+    r"|\bin str\((?:\w+\.)*(?:error|message|orig|finding|reason)\)"
+    r"|re\.\w+\(.*\w\.(?:message|sentence)\)"
+)
+"""What takes a sentence apart: of an error, of a finding, of a library."""
+
+
+def terminal_width() -> int:
+    """The widest line of a terminal table that a page shows."""
+    pages = [page.read_text(encoding="utf-8") for page in [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")]]
+    return max(len(line) for page in pages for line in page.splitlines() if re.search("[┃━│]", line))
 
 
 def body_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

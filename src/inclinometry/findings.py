@@ -75,6 +75,11 @@ def only_notes(found: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(one for one in found if one.severity == "note")
 
 
+def ignored_lines(found: Iterable[Finding]) -> list[str]:
+    """What --ignore accepted, as lines at the head of an output."""
+    return [f"ignored {one.code}: {one}" for one in found if one.severity == "ignored"]
+
+
 class Rule(NamedTuple):
     """What the catalogue has of a code.
 

@@ -96,7 +96,7 @@ def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
     assert Path("c.json").read_bytes() == bare
     found = files("certificate verify c.pdf c.json --key laboratory.pem")
     assert found.status == 1
-    assert found.out.count("[certificate-unsigned]") == 2
+    assert found.err.count("[certificate-unsigned]") == 2
 
 
 WRONG = [
@@ -173,7 +173,7 @@ def test_what_failed_is_certified_only_where_it_is_asked_for(files: Any) -> None
 def test_what_is_lacking_is_named(files: Any) -> None:
     """A warning each time, and the documents all the same."""
     done = files("certificate tool.json -o c.pdf --record c.json")
-    assert "because these items are missing: the laboratory: name, address" in done.err
+    assert "in all: the laboratory: name, address" in done.err
     assert done.out.startswith("report ")
     # what a program calls its settings is of the message, not of the paper
     record = json.loads(Path("c.json").read_bytes())

@@ -374,7 +374,7 @@ def test_a_run_reaches_its_own_ellipse(run, simulated):
     simulated(stations=12)
     assert run(*NORTH, "--hole", "down", "-o", "stations.csv", "--errors", "errors.json").status == 0
     position = ("position", "stations.csv", "--errors", "errors.json", "--site", "site.toml", "-o", "position.csv")
-    done = run(*position).ok()
+    done = run(*position, "-v").ok()
     assert "[work-sensors-only]" in done.err
     alone = numbers(rows_of("position.csv"), "semi_major_m")
     assert alone[0] == 0.0

@@ -60,7 +60,7 @@ def test_a_silent_witness_proves_nothing(run, lab, tmp_path):
     file.mkdir()
     found = run("ledger verify --ledger", lab)
     assert found.status == 1
-    assert "[key-witness-silent]" in found.out
+    assert "[key-witness-silent]" in found.err
     assert "are sound by what the ledger itself says" in found.out
     assert "not proven: a witness did not answer" in found.out
     assert "changed behind its back" not in found.out
@@ -89,8 +89,8 @@ def test_verify_tells_by_its_status(run, lab, monkeypatch):
     raw.close()
     changed = run("ledger verify --ledger", lab)
     assert changed.status == 1
-    assert "user 1 " in changed.out
-    assert "[ledger-changed]" in changed.out
+    assert "user 1 " in changed.err
+    assert "[ledger-changed]" in changed.err
     run("ledger users --ledger", lab).refused("[ledger-changed]")
     Path("garbage").write_text("garbage" * 500)
     assert run("ledger verify --ledger garbage").status == 2
@@ -203,8 +203,8 @@ def test_a_lost_key_is_no_change_behind_the_back(run, keys):
     assert run("ledger key --lost", "laptop stolen").status == 0
     for _ in range(2):
         found = run("ledger verify --ledger own.sqlite").ok()
-        assert "[key-break]" in found.out
-        assert "laptop stolen" in found.out
+        assert "[key-break]" in found.err
+        assert "laptop stolen" in found.err
         assert "behind its back" not in found.out
         assert run("ledger users anna --role administrator --ledger own.sqlite").status == 0
 
@@ -217,13 +217,13 @@ def test_the_ledger_of_another_laboratory_is_verified_by_its_key(run, tmp_path, 
         assert run("ledger key --public", f"{name}.pem").status == 0
     found = run("ledger verify --ledger theirs.sqlite")
     assert found.status == 1
-    assert "[key-not-here]" in found.out
+    assert "[key-not-here]" in found.err
     assert "behind its back" not in found.out
     assert run("ledger verify --ledger theirs.sqlite --key theirs.pem").status == 0
     assert run("ledger verify --ledger theirs.sqlite --key ours.pem").status == 1
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "none"))
     found = run("ledger verify --ledger theirs.sqlite")
-    assert (found.status, "compare it with the laboratory's" in found.out) == (0, True)
+    assert (found.status, "compare it with the laboratory's" in found.err) == (0, True)
 
 
 def test_a_ledger_without_signatures_is_not_proven(run, tmp_path, monkeypatch):
@@ -239,7 +239,7 @@ def test_a_ledger_without_signatures_is_not_proven(run, tmp_path, monkeypatch):
     assert "sound by what the ledger itself says" in run("ledger verify --ledger other.sqlite").out
     found = run("ledger verify --ledger other.sqlite --key own.pem")
     assert found.status == 1
-    assert "[ledger-signatures-removed]" in found.out
+    assert "[ledger-signatures-removed]" in found.err
 
 
 def strip(source: str, target: str) -> None:
@@ -294,13 +294,13 @@ def test_a_witness_that_is_dropped_from_the_list_is_missed(run, keys, tmp_path, 
     listed.write_text(f"{tmp_path / 'other'}\n")
     found = run("ledger", "verify", *own)
     assert found.status == 1
-    assert "[key-witness-unlisted]" in found.out
+    assert "[key-witness-unlisted]" in found.err
     # by somebody who has no key: a note
     (tmp_path / "reader").mkdir()
     (tmp_path / "reader" / "public.pem").write_bytes((keys / "public.pem").read_bytes())
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "reader"))
     found = run("ledger", "verify", *own)
-    assert (found.status, "[key-witness-unlisted]" in found.out) == (0, True)
+    assert (found.status, "[key-witness-unlisted]" in found.err) == (0, True)
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(keys))
     # named again, or taken off: both mend it
     assert run("ledger witness share", *own).status == 0

@@ -33,7 +33,7 @@ def test_one_run_is_judged_by_its_flags(tmp_path, capsys):
     assert quality(write(tmp_path / "in.csv", flags="temperature")) == 0
     assert "temperature" in capsys.readouterr().err
     assert quality(write(tmp_path / "in.csv", flags="misfit")) == 1
-    assert "latitude" in capsys.readouterr().out
+    assert "latitude" in capsys.readouterr().err
     # a run that disagrees with the Earth fails however well it repeats
     assert quality(tmp_path / "in.csv", write(tmp_path / "out.csv", 100.1)) == 1
 

@@ -44,7 +44,7 @@ def test_a_bias_that_turns_with_the_tool_fails(run, bias, status):
     assert (found["code"] == "survey-off") == bool(status)
     done = run(*ROTATION)
     assert ("PASS", "FAIL")[status] in done.out
-    assert ("multi-station" in done.out) == bool(status)
+    assert ("multi-station" in done.err) == bool(status)
 
 
 def test_equal_depths_give_what_increasing_ones_give(run):
@@ -83,7 +83,7 @@ def test_toolfaces_on_one_side_are_not_judged_and_show_no_nan(run):
     done = run(*ROTATION)
     assert done.status == 1
     assert "NOT JUDGED" in done.out
-    assert "[survey-toolfaces]" in done.out
+    assert "[survey-toolfaces]" in done.err
     assert "nan" not in done.out
     done = run(*ROTATION, "--json")
     assert checks(done)["rotation shots: azimuth"]["value"] is None
@@ -113,7 +113,7 @@ def test_repeated_stations(run):
     done = run(*REPEAT)
     assert done.status == 1
     assert "FAIL: first.csv and second.csv" in done.out
-    assert "[survey-off]" in done.out
+    assert "[survey-off]" in done.err
     # nearer together than the depths are: nothing to compare, and that is no pass
     done = run(*REPEAT, "--apart-m", "0.1")
     assert done.status == 1
@@ -141,7 +141,7 @@ def test_two_depths(run):
     Path("line.csv").write_text("station,md_m\nA,1000\nB,2011\n")
     done = run(*DEPTHS)
     assert done.status == 1
-    assert "pipe tally" in done.out
+    assert "pipe tally" in done.err
     assert run(*DEPTHS[:4], "--sigma-first-m", "0", "--sigma-second-m", "0").status == 1
 
 

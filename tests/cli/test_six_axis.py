@@ -186,7 +186,7 @@ def test_a_station_beside_casing_fails(run):
     done = run(*QUALITY)
     assert done.status == 1
     assert done.out.startswith("FAIL: raw.csv")
-    assert "[survey-off]" in done.out
+    assert "[survey-off]" in done.err
     assert run(*QUALITY, "--limits", "iscwsa-ebook", "--json").json["limits"]["name"] == "iscwsa-ebook"
     refused(run(*QUALITY, "--limits", "no-such"), "iscwsa-ebook")
     run(*SURVEY).ok()
@@ -200,7 +200,7 @@ def test_swapped_magnetometer_axes_are_named(run):
     trusted = ("--ignore", "axes")
     done = run(*QUALITY, *trusted)
     assert done.status == 1
-    assert "x and y exchanged" in done.out
+    assert "x and y exchanged" in done.err
     refused(run(*MSA, *trusted, "--report", "page.html"), "x and y exchanged", "[survey-wiring-axes]")
     done = run(*SURVEY, *trusted).ok()
     assert "x and y exchanged" in done.err

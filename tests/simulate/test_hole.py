@@ -57,7 +57,7 @@ def test_fields_stronger_than_at_the_calibration_read_stronger():
 def test_impossible_wells_are_refused():
     path = well_path(WellProfile(), 1)
     tool = realistic_tool(1)
-    with refused("input-value", name="kickoff, hold_length, final_length, spacing, build_rate, drop_rate"):
+    with refused("input-value", name="spacing"):
         WellProfile(spacing=0.0)
     with refused("input-shape", name="md, inclination, azimuth, toolface"):
         simulate_survey(tool, path.md, path.inclination, path.azimuth, [0.0], dip=DIP, seed=1)

@@ -338,7 +338,9 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     many = np.full(len(plan), within(count, "count", 1, 1e9))
     found = _verified(BenchReadings(seen, *dials, units=units, temperature=warm, count=many), calibration, limits)
     notes = () if found.power is None else found.power.findings
-    return replace(found, findings=(*without_notes(found.findings), *notes))
+    # positions can still be added
+    little = [one._replace(severity="warning") for one in found.findings if one.code == "verify-detects-little"]
+    return replace(found, findings=(*without_notes(found.findings), *little, *notes))
 
 
 def _with_power(
@@ -364,9 +366,10 @@ def _with_power(
         wide = "Agree on narrower limits, or take a pass as a test of these limits only"
         remedy = "Take more positions over the range of use, or a better stand" if limits is None else wide
         detects: dict[str, Value] = {"positions": len(found.station), "times": times(worth.factor)}
-        more.append(Finding("verify-detects-little", {**detects, "remedy": remedy}))
+        more.append(Finding("verify-detects-little", {**detects, "remedy": remedy}, severity="note"))
     if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
-        more.append(Finding("verify-freedom", {"factor": factor, "freedom": float(freedom.min())}))
+        few: dict[str, Value] = {"factor": factor, "freedom": float(freedom.min())}
+        more.append(Finding("verify-freedom", few, severity="note"))
     return replace(found, power=worth, findings=(*found.findings, *more, *worth.findings))
 
 

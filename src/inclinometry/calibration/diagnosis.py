@@ -14,7 +14,7 @@ from inclinometry.calibration.joint_fit import LEVEL, Fit, Start
 from inclinometry.calibration.lack_of_fit import lack_of_fit
 from inclinometry.calibration.likelihood import State, tangent_basis
 from inclinometry.calibration.outliers import Outlier
-from inclinometry.calibration.plausibility import check_readings, unexplained
+from inclinometry.calibration.plausibility import check_readings, misfit, odd_station, unexplained
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
@@ -54,9 +54,12 @@ def diagnose(found: Calibration, done: Fit, expected: ExpectedUncertainty) -> tu
     if any(block.change for block in shown):
         said.append(Finding("bench-end-of-run"))
     noisy = unexplained(begun.readings, done.judged)
-    odd = {begun.readings.station[one.rows[0]]: one for one in noisy if one.rows}
-    outliers = odd | outlier_findings(begun.readings, done.outliers, left_out=not done.apart)
-    said += [*(one for one in noisy if not one.rows), *outliers.values()]
+    odd = {begun.readings.station[row]: row for one in noisy for row in one.rows}
+    named = outlier_findings(begun.readings, done.outliers, left_out=not done.apart)
+    outliers = {station: odd_station(station)._replace(rows=(row,)) for station, row in odd.items()} | named
+    left = [station for station in odd if station not in named]
+    said += [*(one for one in noisy if not one.rows), *named.values()]
+    said += [misfit(left, [odd[station] for station in left])._replace(severity="warning")] if left else []
     # a misread dial would look like an error of the whole rig; what repeats with a dial's value takes one up
     alone = done.judged if shown else done.plain
     said += rig_errors(alone)

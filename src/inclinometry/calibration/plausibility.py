@@ -268,7 +268,7 @@ def odd_station(name: str) -> Finding:
 
 
 def misfit(stations: Sequence[str], rows: Sequence[int] = ()) -> Finding:
-    """The refusal of a fit, with the names of the stations that do not fit the others."""
+    """The stations that do not fit the others, by name: the refusal of a fit."""
     return Finding("bench-stations-odd", {"stations": tuple(stations)}, tuple(rows), "refused")
 
 
@@ -291,7 +291,7 @@ def unexplained(readings: BenchReadings | None, fitted: Fitted) -> list[Finding]
     names = [readings.station[row] for row in rows]
     if names and any(one.severity == "refused" for one in found):
         return [misfit(names, rows)]
-    return [*found, *(odd_station(name)._replace(rows=(row,)) for name, row in zip(names, rows, strict=True))]
+    return [*found, *([misfit(names, rows)._replace(severity="warning")] if names else [])]
 
 
 def _exchanged_columns(readings: BenchReadings) -> list[Finding]:

@@ -108,7 +108,7 @@ def repeating_dials(fitted: Fitted) -> list[Finding]:
     found = []
     for dial in np.flatnonzero(ratios > _CHOSEN + np.log(len(DIALS))):  # one of three by chance
         sd = float(np.degrees(fitted.model.structure_sd[fitted.model.structure_dial == dial][0]))
-        found.append(Finding("bench-dial-repeats", {"dial": DIALS[dial], "sd_deg": sd}))
+        found.append(Finding("bench-dial-repeats", {"dial": DIALS[dial], "sd_deg": sd}, severity="note"))
     return found
 
 

@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 import warnings
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -79,13 +80,16 @@ def _run(arguments: list[str]) -> int:
     from cyclopts import CycloptsError
 
     from inclinometry.cli.general import EMPTY, OLD_IGNORE, general
-    from inclinometry.errors import InclinometryError
+    from inclinometry.errors import InclinometryError, SiteError, in_file
 
     try:
         words = [word or EMPTY for word in arguments]
         status = general(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         return _unparsed(error, arguments)
+    except SiteError as error:
+        path = next((value for name, value in pairwise(arguments) if name == "--site"), None)
+        return _refused(error if path is None else in_file(error, path), arguments)
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:
@@ -132,14 +136,10 @@ def _unfit(error: CoercionError) -> InclinometryError | None:
     from inclinometry.cli.general import as_typed
     from inclinometry.errors import not_among, wrong_kind
 
-    if error.token is None:
+    if error.token is None or error.target_type is None or error.msg is not None:
         return None
     name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
     value = as_typed(error.token.value) or '""'
-    if "to float" in str(error.__cause__):  # Python's words for a text that is no number
-        return wrong_kind(name, value, "number")
-    if error.target_type is None or error.msg is not None:
-        return None
     kinds: list[Any] = [error.target_type]
     for kind in kinds:  # unions of unions
         kinds += [] if get_origin(kind) is Literal else [part for part in get_args(kind) if part is not type(None)]

@@ -238,7 +238,9 @@ app = _app(
     "  --template           Print an example of the input table.\n"
     "  --language ru|zh     Language of the report.\n"
     "  --open               Open the report.\n"
-    "  -q, -v               Print only warnings and errors; print details and times.\n\n"
+    "  -q, -v               Print only warnings and errors; print all findings, details and times.\n\n"
+    "Results go to standard output, findings on the data to standard error, at most three; "
+    "`inclinometry explain CODE` explains one.\n\n"
     "`inclinometry check FILE` shows how a file is read, `inclinometry demo` shows everything on real data.\n\n"
     "Exit status: 0 done, 1 failed verification or check, 2 invalid input (nothing written), 3 program error, "
     "130 interrupted.",

@@ -299,7 +299,7 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "expected_u_deg": named_degrees(expected),
         "budget": _budget(found, expected, data),
         "second_harmonics": None if second is None else _harmonics(second),
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
     }
 
 
@@ -444,14 +444,17 @@ def compare(
         raise refused("input-needs", {"name": option, "needed": ("SECOND",)})
     known = None if truth is None else read_tool(truth)
     sheet = _data_sheet(data_sheet)
-    with output.busy("running every method"):
+    with output.reading(readings), output.busy("running every method"):
         found = compare_methods(data, truth=known, options=replace(wishes, data_sheet=sheet))
+    why = {a.method: a.reason._replace(severity="note") for a in found.attempts if a.reason}
+    joint = found.attempts[0].calibration
+    output.findings([*why.values(), *(joint.findings if joint else ())], list(why))
     if json:
         content = [
             {
                 "method": a.method,
                 "applicable": a.calibration is not None,
-                "reason": a.reason.plain() if isinstance(a.reason, Finding) else None,
+                "reason": a.reason,
                 "expected_u_deg": None
                 if a.method not in found.uncertainty
                 else named_degrees(found.uncertainty[a.method]),
@@ -520,13 +523,8 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     if found.error:
         wrong = {method: error[:, 1] for method, error in found.error.items()}
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
-    for attempt in found.attempts:
-        if attempt.calibration is None:
-            why = "" if not isinstance(attempt.reason, Finding) else f"{attempt.reason} [{attempt.reason.code}]"
-            output.print_line(f"{attempt.method}: not applicable. {why}".rstrip())
-    for attempt in found.attempts:
-        if attempt.calibration is not None and attempt.method == "joint":
-            output.findings(attempt.calibration.findings)
+    if out := [a.method for a in found.attempts if a.calibration is None]:
+        output.print_line(f"not applicable: {', '.join(out)}; -v says why")
 
 
 def verify(
@@ -609,9 +607,9 @@ def verify(
         raise refused("input-needs", {"name": "--count", "needed": ("--planned",)})
     with output.reading(readings) as progress:
         data = readings_at(readings, progress=progress, dials=dials.dials())
-    tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
-    where = _other_stand(stand, north, north_sd, level_sd, rig_sd, gravity_sd)
-    found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
+        tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
+        where = _other_stand(stand, north, north_sd, level_sd, rig_sd, gravity_sd)
+        found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
     with output.reported(report, "verification:verification_report", found):
         if output_ is not None:
             if tuple(found.names) != ANGLES:
@@ -619,7 +617,7 @@ def verify(
             from inclinometry.files.verification_json import write_verification
 
             write_verification(output_, found, bounds, tool)
-    output.findings(without_notes(found.findings))
+    output.findings(found.findings)
     if json:
         output.print_json(_verification(found))
     else:
@@ -636,7 +634,7 @@ def _verification(found: Verification) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "reservations": [one.plain() for one in found.reservations],
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "limits": _agreed(found),
         "coverage_factor": found.coverage_factor,
         "stations": [
@@ -696,7 +694,7 @@ def _verify_planned(
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
                 **power_summary(found),
-                "findings": [one.plain() for one in found.findings],
+                "findings": found.findings,
             }
         )
         return 0
@@ -754,6 +752,4 @@ def show_verification(found: Verification) -> None:
         rows,
         found.limits_source,
     )
-    for one in only_notes(found.findings):
-        output.print_line(str(one))
     output.print_line(f"{found.judgement}: {'; '.join(said)}")

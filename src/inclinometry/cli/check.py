@@ -42,6 +42,7 @@ def check(
     output.check_outputs({"--output": output_}, {"the file": file, "--calibration": calibration, "--site": site})
     with output.busy(f"looking at {file.name}"):
         seen = look(file, calibration, site)
+    output.findings(seen.findings, notes=True)
     status = 1 if seen.refused else 0
     if output_ is not None:
         write_text(seen.draft, output_)
@@ -55,9 +56,9 @@ def check(
                     for column in seen.columns
                 ],
                 "conventions": [candidate._asdict() for candidate in seen.candidates],
-                "uses": {command: lacking and lacking.plain() for command, lacking in seen.uses.items()},
-                "refused": list(seen.refused),
-                "findings": [one.plain() for one in seen.findings],
+                "uses": seen.uses,
+                "refused": seen.refused,
+                "findings": seen.findings,
             }
         )
         return status
@@ -75,15 +76,13 @@ def check(
 
 
 def _show(file: Path, seen: Look) -> None:
-    """Columns, findings, conventions and commands on the terminal."""
+    """Columns, conventions and commands on the terminal."""
     output.print_line(f"{file}: {seen.layout}; {seen.rows:,} rows")
     rows = []
     for column in seen.columns:
         low, high = (f"{value:.6g}" if np.isfinite(value) else "" for value in (column.low, column.high))
         rows.append([column.name, column.here or "not known", low, high, str(column.remark or "")])
     output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
-    for one in seen.findings:
-        output.print_line(f"{one.severity}: {one} [{one.code}]")
     if seen.candidates:
         header = ["convention", "dip deg", "scatter deg", "z points down"]
         fits = [
@@ -141,9 +140,10 @@ def _listed(what: str) -> list[tuple[str, str]]:
         ]
         return [*rows, ("read only", ".gz, .h5, .hdf5, .npz, .mat, .json as tables of columns")]
     if what == "findings":
-        from inclinometry.findings import codes, example
+        from inclinometry.findings import codes, example, say
+        from inclinometry.language import current_language
 
-        return [(code, str(example(code))) for code, one in codes().items() if one.means]
+        return [(code, say(example(code), current_language())) for code, one in codes().items() if one.means]
     if what == "conventions":
         from inclinometry.conventions import CONVENTIONS
 

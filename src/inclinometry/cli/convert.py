@@ -89,7 +89,7 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
                 "from": done.source,
                 "to": done.target,
                 "lost": [one.plain() for one in done.lost],
-                "findings": [one.plain() for one in found],
+                "findings": found,
                 "output": target,
             }
         )

@@ -151,7 +151,7 @@ def _content(moved: Movement, a0_azimuth: float | None) -> dict[str, Any]:
             }
             for name, found in moved.found.items()
         },
-        "findings": [one.plain() for one in moved.findings],
+        "findings": moved.findings,
         "inputs": moved.inputs,
     }
 

@@ -171,7 +171,7 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
             for row in zip(*(np.asarray(column).tolist() for column in means.values()), strict=True)
         ],
         "inputs": dict(found.inputs),
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "output": path,
     }
 

@@ -6,7 +6,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Json
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, codes, example, say
-from inclinometry.language import current_language
+from inclinometry.language import current_language, label
 
 
 def explain(code: str, /, *, json: Json = False) -> None:
@@ -28,7 +28,10 @@ def explain(code: str, /, *, json: Json = False) -> None:
         return
     output.print_line(f"{code}: {sentence}")
     if rule.means:
-        ignore = f"Accept a file with --ignore {code} or its group {rule.group}" if rule.group else "Cannot be ignored"
-        output.print_line(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.")
+        accept = "Accept a file with {code} or {group}." if rule.group else "Cannot be ignored."
+        output.print_line(f"\n{rule.means}\n{label('Found: {found}', found=rule.found)}")
+        output.print_line(label(accept, code=f"--ignore {code}", group=f"--ignore {rule.group}"))
     if rule.example:
-        output.print_line(f"Values: {', '.join(rule.example)}.")
+        output.print_line(label("Values: {names}.", names=", ".join(rule.example)))
+    if rule.means and current_language() != "en":
+        output.print_line(label("Meaning and size are written in English."))

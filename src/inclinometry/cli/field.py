@@ -62,7 +62,7 @@ def field(
                 "date": date,
                 "crs": site.crs,
                 "field": shown,
-                "findings": [one.plain() for one in found],
+                "findings": found,
             }
         )
         return

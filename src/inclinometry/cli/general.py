@@ -86,7 +86,7 @@ def run(
         elif language is not None:
             from inclinometry.language import using_language
 
-            if page is None and words[:1] not in (("demo",), ("explain",)):
+            if page is None and words[:1] not in (("demo",), ("explain",), ("list",)):
                 raise refused("input-needs", {"name": "--language", "needed": (option,)})
             stack.enter_context(using_language(language))
         stack.enter_context(_tables(profile, units, null, sheet))
@@ -117,14 +117,14 @@ def _tables(profile: str, units: str, null: float, sheet: str) -> Iterator[None]
 
 @contextmanager
 def _verbose() -> Iterator[None]:
-    from inclinometry.cli.output import named
+    from inclinometry.cli.output import named, wrapped
 
     log, start = logging.getLogger("inclinometry"), perf_counter()
     before = log.level
 
     class Lines(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            print(f"  {named(record.getMessage())}", file=sys.stderr)  # noqa: T201
+            print(wrapped(f"  {named(record.getMessage())}", sys.stderr), file=sys.stderr)  # noqa: T201
 
     lines = Lines()
     log.addHandler(lines)

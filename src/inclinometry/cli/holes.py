@@ -60,7 +60,7 @@ def holes(
     rows = _summary(found)
     if json:
         faults = {name: one.plain() for name, one in found.faults.items()}
-        content = {"holes": rows, "faulty": faults, "findings": [one.plain() for one in found.findings]}
+        content = {"holes": rows, "faulty": faults, "findings": found.findings}
         output.print_json({**content, "inputs": found.inputs, "output": output_})
         return 1 if found.faults else 0
     header = ["hole", "shots", "end m", "east m", "north m", "elevation m", "largest dogleg deg/30 m", "at m"]

@@ -156,5 +156,4 @@ def _plan_content(found: StandstillPlan) -> dict[str, object]:
         }
         for name, row in _cases(found).items()
     }
-    told = [one.plain() for one in found.findings]
-    return {"wanted_deg": round(float(np.degrees(found.wanted)), 10), "cases": cases, "findings": told}
+    return {"wanted_deg": round(float(np.degrees(found.wanted)), 10), "cases": cases, "findings": found.findings}

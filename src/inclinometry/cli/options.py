@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from cyclopts import Group, Parameter, Token, convert
 
-from inclinometry.cli.general import OLD_IGNORE
+from inclinometry.cli.general import OLD_IGNORE, as_typed
 from inclinometry.errors import out_of_range, wrong_kind
 
 INPUT = Group("Input", sort_key=1)
@@ -39,7 +39,10 @@ def quantity(unit: str, low: float = -inf, high: float = inf, *, above: bool = F
     factor = SI.get(unit, 1.0)
 
     def si(type_: Any, tokens: Sequence[Token]) -> float:
-        value = float(tokens[0].value)
+        try:
+            value = float(tokens[0].value)
+        except ValueError:
+            raise wrong_kind(tokens[0].keyword or "", as_typed(tokens[0].value) or '""', "number") from None
         if (high < inf and not (low < value if above else low <= value)) or not value <= high:
             allowed = f"> {low:g}, <= {high:g}" if above else f"{low:g} .. {high:g}"
             raise out_of_range(tokens[0].keyword or "", value, allowed)

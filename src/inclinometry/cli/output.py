@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
+from itertools import zip_longest
 from pathlib import Path
 from textwrap import fill
 from time import perf_counter
@@ -22,7 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, in_file, system_reason
+from inclinometry.errors import FileError, InputError, in_file, system_reason
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -68,9 +69,10 @@ def print_line(text: str = "") -> None:
 
 def wrapped(text: str, stream: TextIO) -> str:
     """Prose as wide as a terminal is; for files and pipes a line stays whole."""
-    if not stream.isatty() or "\n" in text:
+    if not stream.isatty():
         return text
-    return fill(text, shutil.get_terminal_size().columns, break_long_words=False, break_on_hyphens=False)
+    wide, more = shutil.get_terminal_size().columns, {"break_long_words": False, "break_on_hyphens": False}
+    return "\n".join(fill(line, wide, **more) for line in text.split("\n"))
 
 
 def counted(number: int, what: str) -> str:
@@ -157,6 +159,8 @@ def print_json(content: Any) -> None:
 
 def plain(value: Any) -> Any:
     """Lists, mappings, text, and numbers of 12 digits; what is not finite is null."""
+    if isinstance(value, Finding):
+        return plain(value.plain())
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -178,22 +182,28 @@ COLUMNS: Final = 80
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str | None = None) -> None:
     """A table whose first column is text and whose others are numbers.
 
-    One wider than a terminal loses its spaces, then its empty columns, and breaks the names of the others.
+    One wider than a terminal loses its spaces, then its empty columns, and breaks names of columns, then cells.
     """
     found = _table(title, header, rows, caption)
     if console.measure(found).maximum > COLUMNS:
         found.padding = 0, 0
     if console.measure(found).maximum > COLUMNS:
+        rows = [[cell.replace(" ± ", "±") for cell in row] for row in rows]
         used = [place for place in range(len(header)) if not rows or any(row[place].strip() for row in rows)]
         wide = [max((len(row[place]) for row in rows), default=0) for place in used]
         wide = [max(width, 1, *map(len, header[place].split())) for width, place in zip(wide, used, strict=True)]
         names = [fill(header[place], width) for width, place in zip(wide, used, strict=True)]
         found = _table(title, names, [[row[place] for place in used] for row in rows], caption)
         found.padding = 0, 0
+    if console.measure(found).maximum > COLUMNS:
+        found.width = COLUMNS
+        for column in found.columns:
+            column.no_wrap, column.overflow = " " not in max(map(str, column.cells), key=len, default=""), "fold"
     console.print(found)
 
 
 def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str | None) -> Table:
+    title, caption = fill(title, COLUMNS), caption and fill(caption, COLUMNS)
     found = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_edge=False)
     for place, name in enumerate(header):
         found.add_column(name, justify="left" if place == 0 else "right", no_wrap=True)
@@ -206,16 +216,18 @@ MOST: Final = 3
 """Findings that one command prints; -v and --json have all, notes too."""
 
 
-def findings(found: Sequence[Finding], files: Sequence[str] = ()) -> None:
+def findings(found: Sequence[Finding], files: Sequence[str] = (), *, notes: bool = False) -> None:
     """Findings, one a line, with their codes, the ignored ones last; with -v all, notes too.
 
-    files : that they are about, one each.
+    Nothing else says a finding: on standard output are results alone.
+
+    files : that they are about, or checks, one each; those after them are about none. notes : even without -v.
     """
     # standard error, which never mixes with data; of now, as tests and callers redirect it
     errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     verbose = logging.getLogger("inclinometry").isEnabledFor(logging.INFO)
-    named_by = zip(found, (f"{file}: " for file in files) if files else [""] * len(found), strict=True)
-    shown = [pair for pair in named_by if verbose or pair[0].severity != "note"]
+    named_by = zip_longest(found, (f"{file}: " for file in files), fillvalue="")
+    shown = [pair for pair in named_by if notes or verbose or pair[0].severity != "note"]
     shown.sort(key=lambda pair: ("ignored", "note").count(pair[0].severity))
     most = len(shown) if verbose else MOST
     for one, file in shown[:most]:
@@ -226,21 +238,30 @@ def findings(found: Sequence[Finding], files: Sequence[str] = ()) -> None:
         errors.print(f"{len(shown) - most} more: -v shows all")
 
 
+OF_DATA: Final = ("allan-", "bench-", "fit-", "gyro-", "motion-", "readings-", "run-", "work-estimate")
+"""Codes of what data refuse."""
+
+
 @contextmanager
 def reading(path: str | Path) -> Iterator[Callable[[int], None] | None]:
-    """Progress, by bytes read, of a file that takes a while; nothing for a small one or without a terminal."""
+    """Progress, by bytes read, of a file that takes a while; what its data refuse within names it."""
     try:
         size = Path(path).stat().st_size
     except OSError:
         size = 0
-    if size < 5_000_000:
-        yield None
-        return
-    from rich.progress import Progress
+    try:
+        if size < 5_000_000:
+            yield None
+            return
+        from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(f"reading {Path(path).name}"), total=size)
-        yield lambda done: bar.update(task, completed=done)
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(escape(f"reading {Path(path).name}"), total=size)
+            yield lambda done: bar.update(task, completed=done)
+    except InputError as error:
+        if isinstance(error, FileError) or not error.finding.code.startswith(OF_DATA):
+            raise
+        raise in_file(error, path) from None
 
 
 @contextmanager

@@ -106,8 +106,7 @@ def plan(
     write_plan(whole, output_)
     output.findings(advice(name))
     if json:
-        findings = [one.plain() for one in advice(name)]
-        told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": findings}
+        told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": advice(name)}
         told |= {"off_stand": len(whole.off_stand)} if whole.off_stand else {}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
@@ -153,9 +152,7 @@ def readings(
         found, intervals = readings_of_log(log, plan=positions, window=window, shortest=shortest, progress=progress)
     write_bench(found, output_)
     if json:
-        output.print_json(
-            {"stations": len(found), "output": output_, "findings": [one.plain() for one in found.findings]}
-        )
+        output.print_json({"stations": len(found), "output": output_, "findings": found.findings})
         return
     output.print_line(f"{output.counted(len(found), 'still station')} written to {output_}")
     for one in intervals.findings:

@@ -10,6 +10,7 @@ from cyclopts import Parameter, Token
 
 from inclinometry.cli import options, output
 from inclinometry.errors import not_among, out_of_range, refused, wrong_kind
+from inclinometry.findings import ignored_lines
 
 
 def _metres(low: str) -> Parameter:
@@ -220,7 +221,7 @@ def _write(
             "angles": computed or every is not None,
         }
         if target is not None:
-            ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
+            ignored = ignored_lines(found.findings)
             write_position_csv(target, path, found.uncertainty, found.survey.north, ignored, **points)
         if sources is not None and found.uncertainty is not None:
             write_sources_csv(sources, found.uncertainty, feet=shown["feet"])
@@ -265,7 +266,7 @@ def _content(found: WellPosition, target: Path | None, columns: Mapping[str, Any
         "runs": [one._asdict() for one in found.runs],
         "last_station": last,
         "sources": _sources(found),
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "inputs": dict(found.inputs),
         "output": target,
     }

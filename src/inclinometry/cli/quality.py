@@ -53,7 +53,7 @@ def quality(
     verdict = worst(checks)
     if found is not None and verdict == "pass":
         verdict = found.verdict
-    output.findings(told)
+    tell(checks, told)
     if json:
         compared = None if found is None else comparison_json(found)
         output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "comparison": compared})
@@ -78,17 +78,21 @@ def _runs(in_run: Path, out_run: Path | None) -> tuple[list[Check], list[Finding
     return checks, told
 
 
+def tell(checks: Sequence[Check], found: Sequence[Finding]) -> None:
+    """Why checks did not pass, and findings; what another check makes up for is a note."""
+    asks, left = worst(checks), [check for check in checks if check.verdict != "pass"]
+    told = [c.reason if c.verdict == asks else c.reason._replace(severity="note") for c in left]
+    output.findings([*told, *found], [c.name for c in left])
+
+
 def show_checks(title: str, checks: Sequence[Check]) -> None:
-    """Every check with its verdict; the reason of those that did not pass."""
+    """Every check with its verdict."""
     rows = []
     for shown in map(check_json, checks):
         # what was not judged has no figures
         figures = [f"{shown[key]:.4g}".replace("nan", "-") for key in ("value", "limit")]
         rows.append([str(shown["name"]), *figures, str(shown["unit"]), str(shown["verdict"])])
     output.table(title, ["check", "value", "limit", "unit", "verdict"], rows)
-    for check in checks:
-        if check.verdict != "pass":
-            output.print_line(f"{check.name}: {check.reason} [{check.reason.code}]")
 
 
 def show_comparison(found: Comparison) -> None:

@@ -75,7 +75,7 @@ def table(
             "g_sensitivity": rates.g_sensitivity,
             "g_sensitivity_by_chance": rates.chance,
             "uncertainty": rates.uncertainty,
-            "findings": [one.plain() for one in calibrated.findings],
+            "findings": calibrated.findings,
             "output": output_,
         }
         output.print_json(content)

@@ -74,7 +74,7 @@ def orient(
                 "residual_deg": np.degrees(found.residual),
                 "matrix": found.matrix,
                 "inputs": dict(found.inputs),
-                "findings": [one.plain() for one in said],
+                "findings": said,
             }
         )
         return

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Convention, FieldSite, Flag, InputOrNone, Json, ModelOrTool, SixAxisForm
-from inclinometry.cli.quality import show_checks
+from inclinometry.cli.quality import show_checks, tell
 from inclinometry.findings import Finding
 from inclinometry.survey.flags import Check, worst
 from inclinometry.workflow.gyro_quality import check_json
@@ -97,10 +97,9 @@ def dual_depth(first: Path, second: Path, /, *, sigma_first_m: float, sigma_seco
 def _answer(what: str, checks: Sequence[Check], findings: Sequence[Finding], json: bool) -> int:
     """Print the verdict and give the exit status."""
     verdict = worst(checks)
-    output.findings(findings)
+    tell(checks, findings)
     if json:
-        told = [one.plain() for one in findings]
-        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "findings": told})
+        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "findings": findings})
     else:
         show_checks(f"{verdict.upper()}: {what}", checks)
     return 0 if verdict == "pass" else 1

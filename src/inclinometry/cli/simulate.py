@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 import numpy as np
 from cyclopts import Parameter
 
+from inclinometry.arrays import within
 from inclinometry.cli import options, output
 from inclinometry.constants import DEG_PER_HOUR, DIP
 from inclinometry.errors import out_of_range, refused
@@ -172,11 +173,11 @@ def well(
     truth: options.Input,
     output_: options.Output,
     seed: int = 1,
-    kickoff: Annotated[float, options.quantity("m")] = 300.0,
+    kickoff: Annotated[float, options.quantity("m", 0.0, 2e4)] = 300.0,
     inclination: options.Inclination = 60.0 * options.SI["deg"],
     azimuth: options.Azimuth = 75.0 * options.SI["deg"],
-    hold: Annotated[float, options.quantity("m")] = 900.0,
-    spacing: Annotated[float, options.quantity("m")] = 30.0,
+    hold: Annotated[float, options.quantity("m", 0.0, 2e4)] = 900.0,
+    spacing: Annotated[float, options.quantity("m", 0.0, 2e4, above=True)] = 30.0,
     dip: options.Dip = DIP,
     sensors: Sensors = USUAL,
     path: options.AlsoWritten = None,
@@ -369,8 +370,8 @@ def _outlier(text: str, stations: int, positions: int) -> tuple[int, int, float]
         found = int(station), int(position), float(size)
     except ValueError:
         raise out_of_range("--outlier", text, "STATION:POSITION:DEG_H") from None
-    if not (1 <= found[0] <= stations and 1 <= found[1] <= positions and np.isfinite(found[2])):
-        raise out_of_range("--outlier", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
+    for name, value, most in zip(("STATION", "POSITION"), found, (stations, positions), strict=False):
+        within(value, f"--outlier {text}: {name}", 1, most)
     return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.quality import show_checks
+from inclinometry.cli.quality import show_checks, tell
 from inclinometry.errors import refused, wrong_kind
 from inclinometry.files.corrections_json import write_corrections
 from inclinometry.files.limits import read_quality_limits
@@ -53,7 +53,7 @@ def quality(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     judged = six_axis.quality(run.stations, run.site, fixed)
-    output.findings((*run.findings, *judged.quality.findings))
+    tell(judged.checks, (*run.findings, *judged.quality.findings))
     if json:
         output.print_json(
             {
@@ -70,7 +70,7 @@ def quality(
         failed = [check.name for check in judged.checks if check.verdict == "fail"]
         left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
         said = [f"{what}: {', '.join(names)}" for what, names in (("failed", failed), ("not judged", left)) if names]
-        output.print_line(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
+        output.print_line("; ".join([judged.verdict, *(said or ["every check passed"])]))
     return 0 if judged.verdict == "pass" else 1
 
 
@@ -157,7 +157,7 @@ def msa(
         run = read_six_axis(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
-    with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
+    with output.reading(raw), output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = six_axis.msa(run, priors or "iscwsa", axial_sigma, known)
     beside = {"tool": done.correction.tool, "findings": run.findings, "inputs": run.inputs}
     with output.reported(report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside):

@@ -134,7 +134,7 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
         "flagged": sum(bool(row) for row in found.flags),
         "quality": None if done.judged is None else done.judged.verdict,
         "history": [one.plain() for one in found.history],
-        "findings": [one.plain() for one in found.findings],
+        "findings": found.findings,
         "output": path,
     }
 

@@ -191,8 +191,8 @@ def _json(path: Path) -> Pieces:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        # one object a line, as loggers write them
-        if not str(error).startswith("Extra data"):
+        # one object a line, as loggers write them; the parser says in no other way that the first one ends
+        if getattr(error, "msg", "") != "Extra data":
             raise FileError(damaged("JSON", error), path=path) from None
         content = [_json_line(line, path, k) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     if isinstance(content, list) and content and all(isinstance(row, dict) for row in content):

@@ -191,7 +191,7 @@ def _depths(table: Frame, station: Index) -> Array:
     if wrong.any():
         at = int(np.argmax(wrong)) + 1
         row = int(first[at])
-        raise table.error(falls(table, name, values, int(first[at - 1]), row), row)
+        raise table.error(falls(name, values, int(first[at - 1]), row), row)
     return frozen(metres[first])
 
 

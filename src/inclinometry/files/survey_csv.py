@@ -95,12 +95,12 @@ def check_increasing(table: Frame, name: str, values: Array) -> None:
     back = np.flatnonzero(np.diff(values) <= 0.0)
     if back.size:
         row = int(back[0]) + 1
-        raise table.error(falls(table, name, values, row - 1, row), row)
+        raise table.error(falls(name, values, row - 1, row), row)
 
 
-def falls(table: Frame, name: str, values: Array, before: int, row: int) -> Finding:
+def falls(name: str, values: Array, before: int, row: int) -> Finding:
     """The refusal of a value, in a row, that turns back or repeats the one of a row before."""
-    return out_of_order(name, float(values[row]), float(values[before]), int(table.lines[row])).finding
+    return out_of_order(name, float(values[row]), float(values[before]), int(row) + 1).finding
 
 
 def differs(table: Frame, name: str, value: Value, other: Value, before: int, station: str | None = None) -> Finding:

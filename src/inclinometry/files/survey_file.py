@@ -240,7 +240,7 @@ def _depths(frame: Frame, md: Array, used: Mask | None) -> None:
     rows = first_not_increasing(md, used)
     if rows is not None:
         before, row = rows
-        wrong = out_of_order("md", float(md[row]), float(md[before]), int(frame.lines[row]))
+        wrong = out_of_order("md", float(md[row]), float(md[before]), int(row) + 1)
         raise frame.error(wrong.finding, row)
 
 

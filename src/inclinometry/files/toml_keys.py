@@ -107,7 +107,7 @@ def load(path: str | Path, keys: Iterable[str]) -> Settings:
         text = whole(path, LARGEST_SETTINGS).decode("utf-8-sig")
         return Settings(path, parsed(text), keys)
     except tomllib.TOMLDecodeError as error:
-        # "Invalid value (at line 1, column 5)", "... (at end of document)"
+        # "Invalid value (at line 1, column 5)", "... (at end of document)": the error has numbers from Python 3.14 on
         said, _, place = str(error).removesuffix(")").rpartition(" (at ")
         line, column = re.findall(r"\d+", place) or (text.count("\n") + 1, len(text) - text.rfind("\n"))
         at = Finding("file-at-column", {"reason": _USUAL.get(said, said), "column": int(column)})

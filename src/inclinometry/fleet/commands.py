@@ -103,8 +103,8 @@ def add(
                     added = []
     finally:
         raw.record(store, added)
-    output.findings(gaps)
-    output.findings(*_files(problems))
+    told, files = _files(problems)
+    output.findings([*told, *gaps], files)
     new = len(paths) - there - len(problems)
     if json:
         output.print_json({"added": new, "there_already": there, "refused": _plain(problems)})
@@ -278,11 +278,10 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
         problems = list(audit.verify(Store(fleet), progress))
     bare = [] if problems else audit.unrecorded(Store(fleet))
     if json:
-        findings = [one.plain() for one in bare]
-        output.print_json({"ok": not problems, "problems": _plain(problems), "findings": findings})
+        output.print_json({"ok": not problems, "problems": _plain(problems), "findings": bare})
         return 1 if problems else 0
-    output.findings(*_files(problems))
-    output.findings(bare)
+    told, files = _files(problems)
+    output.findings([*told, *bare], files)
     sound = "every file with a checksum is what it was" if bare else "every file is what it was"
     output.print_line(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
     return 1 if problems else 0

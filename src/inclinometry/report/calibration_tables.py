@@ -329,6 +329,7 @@ def budget_table(calibration: Calibration, readings: BenchReadings, expected: Ex
     for name, part in found.items():
         u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
         cells = [f"{significant(float(u[i, a]))} ({share[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))]
+        # part and cause, a key of --json
         rows.append(TableRow([label(": ").join(map(label, name.split(": "))), *cells]))
     total = np.degrees(np.sqrt(np.diagonal(sum(found.values()), axis1=1, axis2=2)))
     rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))

@@ -252,7 +252,7 @@ def _fit(figure: Figure) -> None:
         if extent.x1 > figure.bbox.width or extent.x0 < 0.0:
             most = int(len(label.get_text()) * axes.bbox.width / extent.width)
             label.set_text("\n".join(wrap(label.get_text(), max(most, 12), break_long_words=False)))
-    # the layout says so when there is no room
+    # the layout says so when there is no room, by a warning of no class of its own
     for _ in range(4):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import DIP, LATITUDE
 from inclinometry.errors import out_of_range
 from inclinometry.rotations import dcm, rotation_exp, rotation_z
@@ -43,9 +43,9 @@ class HandHeld:
                 f"{self.shots}, {self.roll_sets}, {self.rolls}",
                 ">= 0, >= 0, >= 1, shots + sets > 0",
             )
-        if min(self.pointing_sd, self.roll_sd) < 0.0:
-            raise out_of_range("pointing_sd, roll_sd", f"{self.pointing_sd:g}, {self.roll_sd:g}", ">= 0")
-        finite([self.pointing_sd, self.roll_sd, self.dip, self.latitude], "pointing_sd, roll_sd, dip, latitude")
+        within(self.pointing_sd, "pointing_sd", 0.0, np.inf)
+        within(self.roll_sd, "roll_sd", 0.0, np.inf)
+        finite([self.dip, self.latitude], "dip, latitude")
 
     @property
     def roll_set(self) -> tuple[str, ...]:

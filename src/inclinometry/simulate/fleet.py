@@ -13,9 +13,8 @@ from datetime import date, timedelta
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import out_of_range
 from inclinometry.history import DAYS_PER_YEAR, ToolHistory, tool_from_relative
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
@@ -132,8 +131,8 @@ def simulate_fleet(
     n, most, p = scene.tools, scene.calibrations, 24
     certificate = finite(scene.covariance, "covariance", (p, p))
     for tool, number in scene.jumps:
-        if not (0 <= tool < n and 1 <= number < most):
-            raise out_of_range("jumps", f"{tool}, {number}", f"0 .. {n - 1}, 1 .. {most - 1}")
+        within(tool, "jumps: tool", 0, n - 1)
+        within(number, "jumps: calibration", 1, most - 1)
     streams = Streams(seed, "fleet")
 
     def draw(name: str, root: Array, shape: tuple[int, ...]) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, finite, within
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate, horizontal_rate
-from inclinometry.errors import out_of_range, wrong_shape
+from inclinometry.errors import wrong_shape
 from inclinometry.rotations import dcm, rotation_z, wrap_positive
 from inclinometry.simulate.tool import Seed, Streams, flicker_rate, white_rate
 
@@ -151,8 +151,8 @@ def _spikes(spikes: Sequence[Spike], shape: tuple[int, int, int]) -> Array:
     out = np.zeros(shape)
     for spike in spikes:
         place = (spike.station, spike.position, spike.channel)
-        if any(not 0 <= at < size for at, size in zip(place, shape, strict=True)):
-            raise out_of_range("spike", ", ".join(map(str, place)), ", ".join(f"0 .. {size - 1}" for size in shape))
+        for name, at, size in zip(("station", "position", "channel"), place, shape, strict=True):
+            within(at, f"spike.{name}", 0, size - 1)
         out[place] += spike.size
     return out.reshape(-1, shape[2])
 

@@ -40,13 +40,10 @@ class WellProfile:
     spacing: float = 30.0
 
     def __post_init__(self) -> None:
-        lengths = (self.kickoff, self.hold_length, self.final_length)
-        if min(lengths) < 0.0 or not (self.spacing > 0.0 and self.build_rate > 0.0 and self.drop_rate > 0.0):
-            raise out_of_range(
-                "kickoff, hold_length, final_length, spacing, build_rate, drop_rate",
-                ", ".join(f"{one:g}" for one in (*lengths, self.spacing, self.build_rate, self.drop_rate)),
-                ">= 0, >= 0, >= 0, > 0, > 0, > 0",
-            )
+        for name in ("kickoff", "hold_length", "final_length", "spacing", "build_rate", "drop_rate"):
+            value, above = getattr(self, name), name in ("spacing", "build_rate", "drop_rate")
+            if not (value > 0.0 if above else value >= 0.0):
+                raise out_of_range(name, value, "> 0" if above else ">= 0")
 
 
 class WellPath(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, finite, within
 from inclinometry.errors import out_of_range, refused
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.tool import FULL_SCALE, Streams, ToolBatch, digitise, signal_step
@@ -34,8 +34,8 @@ class Characteristic:
     def __post_init__(self) -> None:
         if self.noise is not None and not 0.0 <= self.noise < np.inf:
             raise out_of_range("noise", float(self.noise), ">= 0")
-        if not (abs(self.square) <= 0.1 and 0.0 <= self.hysteresis <= 0.1):
-            raise out_of_range("square, hysteresis", f"{self.square:g}, {self.hysteresis:g}", "-0.1 .. 0.1, 0 .. 0.1")
+        within(self.square, "square", -0.1, 0.1)
+        within(self.hysteresis, "hysteresis", 0.0, 0.1)
 
     def apply_nonlinearity(self, clean: Array, triad: Triad) -> Array:
         """Signals (n, m), in the order of reading, of sensors that would give `clean` were they straight."""

@@ -11,7 +11,7 @@ from typing import Final, TypeAlias, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, within
 from inclinometry.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
 from inclinometry.errors import not_among, out_of_range, refused, wrong_kind
 from inclinometry.rotations import dcm_from_quaternion
@@ -279,8 +279,10 @@ def _tools(
         raise refused("input-empty", {"name": "sensors"})
     if unknown:
         raise not_among("sensors, noise", ", ".join(sorted(unknown)), KINDS)
-    if not (g > 0.0 and b > 0.0) or any(not sd >= 0.0 for sd in noise.values()):
-        raise out_of_range("g, b, noise", f"{g:g}, {b:g}, {min(noise.values(), default=0.0):g}", "> 0, > 0, >= 0")
+    for name, value in (("g", g), ("b", b)):
+        if not value > 0.0:
+            raise out_of_range(name, value, "> 0")
+    within(list(noise.values()), "noise", 0.0, np.inf)
     streams = Streams(seed, "tool")
     strength = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
     tensors, offsets, sd = {}, {}, {}

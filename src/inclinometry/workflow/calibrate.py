@@ -50,7 +50,7 @@ class Attempt:
 
     method: str
     calibration: Calibration | None
-    reason: Finding | str = ""
+    reason: Finding | None = None
 
 
 def method(name: str) -> Callable[..., Calibration]:
@@ -367,7 +367,7 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
     ------
     InputError
         Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand;
-        a truth without sensors the readings have.
+        readings that no method takes; a truth without sensors the readings have.
     """
     check_record(readings, BenchReadings, "compare")
     if truth is not None and (missing := set(readings.channels) - set(truth.triads)):
@@ -375,6 +375,8 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
     options = options or Options()
     completed, stand = known_stand(readings, options)
     attempts = attempt_all(completed, left_handed=options.left_handed, data_sheet=options.data_sheet, **stand)
+    if attempts[0].reason and not any(attempt.calibration for attempt in attempts):
+        raise InputError(attempts[0].reason)  # of the joint fit, which takes most
     uncertainty, error = {}, {}
     for attempt in attempts:
         if attempt.calibration is None:

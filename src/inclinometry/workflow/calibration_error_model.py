@@ -89,7 +89,8 @@ def calibration_error_model(
     reference = () if known else reference_sources(well)
     if beside is None:
         lacking = ("measured depth", "misalignment", "sag", "magnetic interference")
-        told.append(Finding("work-sensors-only", {"errors": lacking if reference else (*lacking, "declination")}))
+        errors = lacking if reference else (*lacking, "declination")
+        told.append(Finding("work-sensors-only", {"errors": errors}, severity="note"))
     elif not reference and not known:
         told.append(Finding("work-declination-sigma"))
     return (*sources, *reference), beside, told

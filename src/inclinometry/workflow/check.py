@@ -10,6 +10,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -22,15 +23,17 @@ from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError, in_file
 from inclinometry.files import _quantities
-from inclinometry.files.casing_csv import face
+from inclinometry.files.casing_csv import face, read_casing
 from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import foreign_pieces
 from inclinometry.files.frame import Frame
-from inclinometry.files.holes_csv import hole_column
+from inclinometry.files.gyro_csv import read_gyro_run
+from inclinometry.files.holes_csv import hole_column, read_collars, read_shots
+from inclinometry.files.log_csv import read_even_log, read_log
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
-from inclinometry.files.six_axis import read_survey
+from inclinometry.files.six_axis import read_six_axis, read_survey
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.table_formats import NUMBER, find_layout, line_of, refuse_legs, with_layout
@@ -44,6 +47,7 @@ from inclinometry.workflow.allan import noise_of_log
 from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
 from inclinometry.workflow.convert import check_survey
 from inclinometry.workflow.field import completed
+from inclinometry.workflow.hand_rotations import read_both
 from inclinometry.workflow.six_axis import add_site_check, check_raw
 from inclinometry.workflow.stations import readings_of_log
 
@@ -134,7 +138,7 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         few: dict[str, Value] = {"name": "rests", "count": seen.rests, "least": LEAST_ROTATIONS + 1}
         uses[_BY_HAND] = Finding("input-few", few, severity="refused")
-    found = (*findings, *notes, *(one for one in seen.findings if one not in notes))
+    found = (*findings, *(one for one in seen.findings if one not in notes), *notes)
     return Look(layout, rows, columns, seen.candidates, uses, _draft(profile, columns), found)
 
 
@@ -302,7 +306,9 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
         here = units[names[0]]
         stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
         if what != "gyro" and not stated:
-            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)
+            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)[: here is not None]
+            if not fits:
+                continue
             length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": fits}
             notes.append(Finding("check-length", length, severity="note"))
     return notes
@@ -368,40 +374,10 @@ def _calibrated(path: Path, method: str = "") -> None:
             calibrate(readings.take(np.arange(_TRIED)), method, Options())
 
 
-def _norm(path: Path) -> None:
-    _calibrated(path, "norm")
-
-
-def _by_hand(path: Path) -> None:
-    from inclinometry.workflow.hand_rotations import read_both
-
-    read_both(path)
-
-
 def _verified(path: Path) -> None:
     from inclinometry.files.bench_csv import read_bench
 
     _ = read_bench(path).dials
-
-
-def _raw(path: Path) -> None:
-    read_raw_survey(path)
-
-
-def _six_axis(path: Path) -> None:
-    from inclinometry.files.six_axis import read_six_axis
-
-    read_six_axis(path, azimuth_reference="magnetic")
-
-
-def _well(path: Path) -> None:
-    read_well(path)
-
-
-def _log(path: Path) -> None:
-    from inclinometry.files.log_csv import read_log
-
-    read_log(path)
 
 
 def _run(path: Path) -> None:
@@ -415,48 +391,25 @@ def _run(path: Path) -> None:
         signals.fields(block)
 
 
-def _even(path: Path) -> None:
-    from inclinometry.files.log_csv import read_even_log
-
-    read_even_log(path)
-
-
-def _gyro(path: Path) -> None:
-    from inclinometry.files.gyro_csv import read_gyro_run
-
-    read_gyro_run(path)
-
-
-def _casing(path: Path) -> None:
-    from inclinometry.files.casing_csv import read_casing
-
-    read_casing(path)
-
-
-def _holes(path: Path) -> None:
-    from inclinometry.files.holes_csv import read_shots
-
-    read_shots(path)
-
-
 _BY_HAND: Final = "calibrate --method hand-rotations"
 _VERIFY: Final = "verify"
 _RAW: Final = "survey --calibration"
 _SIX_AXES: Final = "survey, quality, msa"
-_READERS: Final[dict[str, Callable[[Path], None]]] = {
+_READERS: Final[dict[str, Callable[[Path], object]]] = {
     "calibrate": _calibrated,
-    "calibrate --method norm": _norm,
-    _BY_HAND: _by_hand,
+    "calibrate --method norm": partial(_calibrated, method="norm"),
+    _BY_HAND: read_both,
     _VERIFY: _verified,
-    _RAW: _raw,
-    _SIX_AXES: _six_axis,
-    "position": _well,
-    "readings": _log,
-    "gyro north": _gyro,
+    _RAW: read_raw_survey,
+    _SIX_AXES: partial(read_six_axis, azimuth_reference="magnetic"),
+    "position": read_well,
+    "readings": read_log,
+    "gyro north": read_gyro_run,
     "dynamic": _run,
-    "allan": _even,
-    "displacement": _casing,
-    "holes": _holes,
+    "allan": read_even_log,
+    "displacement": read_casing,
+    "holes": read_shots,
+    "holes --collars": read_collars,
 }
 
 

@@ -21,7 +21,7 @@ from inclinometry.files.frame import Column
 from inclinometry.files.not_read import kind_not_read
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.writing import replacing
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, ignored_lines
 from inclinometry.survey.consistency import check_angles
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
@@ -160,7 +160,7 @@ def convert(
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
     found = settled(check_survey(survey), ignored, source) if check else ()
-    comment = "\n".join(f"ignored {one.code}: {one}" for one in found if one.severity == "ignored")
+    comment = "\n".join(ignored_lines(found))
     written = _write(survey, Path(target), end, {**items, "comment": comment} if comment else items)
     return Conversion(survey, start, end, written, found)
 

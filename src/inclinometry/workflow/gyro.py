@@ -15,7 +15,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, not_among, refused
+from inclinometry.errors import FileError, SiteError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
@@ -172,9 +172,8 @@ def north_run(
     effect = None
     if prior is not None:
         expected = partial(_expected, averages=averages, heat=heat, options=chosen)
-        stations, known, found["joint"], effect = corrected_run(
-            stations, averages, prior, known, found["joint"], expected
-        )
+        given = stations, averages.rate_bias, prior, known, found["joint"]
+        stations, known, found["joint"], effect = corrected_run(*given, expected)
     found |= {method: solve(method, stations, known) for method in METHODS[1:]}
     if effect is not None:
         found = {method: effect.counted(one) for method, one in found.items()}
@@ -235,7 +234,7 @@ def _averaged(
 ) -> tuple[Averages, Stations]:
     """Gravity and rate of every station; refused where their units cannot be right."""
     if site.latitude is None or site.gravity is None:
-        raise refused("input-missing", {"names": ("latitude_deg",)})
+        raise SiteError(Finding("input-missing", {"names": ("latitude_deg",)}))
     averages = average_run(
         readings,
         calibration,

@@ -328,7 +328,8 @@ def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
     """The error model that a gyro run is, with what of a tool code is about other things than its angles' sensors."""
     sources = gyro_sources(run, well)
     if code is None:
-        return sources, None, [Finding("work-sensors-only", {"errors": ("measured depth", "misalignment", "sag")})]
+        lacking = ("measured depth", "misalignment", "sag")
+        return sources, None, [Finding("work-sensors-only", {"errors": lacking}, severity="note")]
     # depth, misalignment of tool and hole, sag, course between stations
     kept = [term.name for term in code.terms if re.match(r"DR|DS|MIS|V?SAG|XYM|XCL", term.name, re.IGNORECASE)]
     if not kept:

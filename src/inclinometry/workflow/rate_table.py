@@ -15,7 +15,7 @@ from inclinometry.calibration.temperature import soaks
 from inclinometry.constants import EARTH_RATE, PER_RADIAN
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, IdentifiabilityError, refused
+from inclinometry.errors import FileError, IdentifiabilityError, SiteError, refused
 from inclinometry.files.gyro_csv import RateSteps
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value
@@ -183,7 +183,7 @@ def calibrate_on_table(
 ) -> tuple[RateCalibration, Calibration, tuple[Finding, ...], int]:
     """Replace or add the gyro triad of a tool: regression, calibration, findings, number of steps fitted."""
     if site.latitude is None:
-        raise refused("input-missing", {"names": ("latitude_deg",)})
+        raise SiteError(Finding("input-missing", {"names": ("latitude_deg",)}))
     if temperature_degree and steps.temperature is None:
         raise refused("input-needs", {"name": "--temperature-degree", "needed": ("temperature_degC",)})
     old = None if calibration is None else read_calibration(calibration)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, within
 from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
@@ -208,8 +208,9 @@ def misread(text: str, size: int) -> Misread:
         station, dial, off = int(parts[0]), parts[1], float(parts[2])
     except (IndexError, ValueError):
         raise out_of_range("misread", text, "STATION:DIAL:DEGREES") from None
-    if not 1 <= station <= size or dial not in dials:
-        raise out_of_range("misread", text, f"1 .. {size}:{'|'.join(dials)}:DEGREES")
+    within(station, f"misread {text}: STATION", 1, size)
+    if dial not in dials:
+        raise not_among(f"misread {text}: DIAL", dial, dials)
     return Misread(station - 1, dial, np.radians(off))
 
 

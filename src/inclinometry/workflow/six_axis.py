@@ -314,6 +314,7 @@ def read_six_axis(
         site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
+        plain_stations(raw, Site(), form, convention)  # raw channels need a calibration, not a site
         raise refused("input-missing", {"names": ("--site",)})
     place, said = completed(Site() if site is None else read_site(site))
     said += declination_doubts(place)

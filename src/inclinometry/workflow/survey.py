@@ -20,7 +20,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cel
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding, Value, ignored_lines
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
@@ -209,7 +209,7 @@ def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations |
 
 
 def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) -> None:
-    """Write the survey CSV, and `toolface_type`, by which toolface to steer.
+    """Write the survey CSV with `toolface_type` (which toolface steers) and the findings that --ignore accepted.
 
     Parameters
     ----------
@@ -226,4 +226,4 @@ def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) ->
     cells = survey_cells({**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
     steer = np.where(survey.inclination < switch, "magnetic", "gravity").tolist()
     parts = parts_of(survey.common, survey.random) if survey.common.size else {}
-    write_columns({**cells, "toolface_type": steer, **parts}, path)
+    write_columns({**cells, "toolface_type": steer, **parts}, path, ignored_lines(survey.findings))

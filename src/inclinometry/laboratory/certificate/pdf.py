@@ -58,7 +58,7 @@ def certificate_pdf(
             # two fonts show everything but Chinese
             font_paths=_fonts(len(chosen) > 2, tuple(str(folder) for folder in fonts)),
         )
-    except typst.TypstError as error:
+    except typst.TypstError as error:  # which has no code
         lost = re.search(r"the text (.*) could not be displayed", error.message)
         if lost is None:
             raise

@@ -95,8 +95,7 @@ def certificate(
     files = {path: data for path, data in ((output_, pdf), (dcc, xml), (record, text)) if path is not None and data}
     for path, data in files.items():
         write_bytes(data, path)
-    output.findings(_lacking(made))
-    output.findings(findings_in(made))
+    output.findings([*_lacking(made), *findings_in(made)])
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         about = {name: made[name] for name in ("number", "title", "missing")}
@@ -125,7 +124,7 @@ def _lacking(record: dict[str, Any]) -> list[Finding]:
         "signatory": "authoriser in lab.toml",
     }
     said = tuple(f"{missing_said(key, record, words('en'))} ({where[key]})" for key in record["missing"])
-    return [Finding("session-report-titled", {"items": said})] if said else []
+    return [Finding("session-report-titled", {"count": len(said), "first": said[:2], "items": said})] if said else []
 
 
 def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None, sealed: str) -> bytes:
@@ -179,16 +178,15 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     if len(numbers) > 1:
         mixed.append(Finding("certificate-files-apart", {"numbers": tuple(numbers)}))
     ok = not mixed and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
+    bad = [row for row in rows if row["problem"]]
+    output.findings([*(row["problem"] for row in bad), *mixed], [row["file"] for row in bad])
     if json:
         as_of = next((one.head.statement() for one in held.values() if one is not None), None)
-        problems = [one.plain() for one in mixed]
-        output.print_json({"ok": ok, "problems": problems, "files": rows, "as_of": as_of, "accepted": breaks})
+        output.print_json({"ok": ok, "problems": mixed, "files": rows, "as_of": as_of, "accepted": breaks})
         return 0 if ok else 1
     _say(rows, held)
     for one in breaks:
         output.print_line(str(break_of(one)))
-    for found_ in mixed:
-        output.print_line(f"{found_} [{found_.code}]")
     return 0 if ok else 1
 
 
@@ -233,9 +231,8 @@ def _judged(
         if not problem and row is not None:
             problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
         state = "not known" if by is None else "not in the ledger" if row is None else str(row["state"])
-        told = None if problem is None else problem.plain()
         rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "proven": not open_, "problem": told, "state": state})  # fmt: skip
+                     "genuine": not problem, "proven": not open_, "problem": problem, "state": state})  # fmt: skip
     return rows
 
 
@@ -255,10 +252,9 @@ def _vouched(key: str, row: Any, kind: str | None, published: Public, changes: S
 def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
     for row in rows:
         number = f" of certificate {row['number']}" if row["number"] else ""
-        verdict = "NOT GENUINE" if row["proven"] else "NOT PROVEN"
         said = f"genuine, signed by {row['key']}"
         if not row["genuine"]:
-            said = f"{verdict}: {row['problem']['sentence']} [{row['problem']['code']}]"
+            said = "NOT GENUINE" if row["proven"] else "NOT PROVEN"
         name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
         output.print_line(f"{name}{number}: {said}")
     if None in held.values():

@@ -132,7 +132,7 @@ def enter(
     output.findings(tried.findings)
     if json:
         content = {"serial": serial, "calibration": found.id, "certificate": number}
-        output.print_json(content | {"findings": [one.plain() for one in tried.findings]})
+        output.print_json(content | {"findings": tried.findings})
         return
     output.print_line(
         f"{serial}: calibration {found.id} of {day} recorded{f', certificate {number}' if number else ''}"

@@ -95,14 +95,15 @@ def verify(
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
         public = () if key is None else read_public(key).keys
         found = verify_ledger(opened, head=noted, public=public, copy=copy, progress=progress)
+    output.findings((*found.faults, *found.silent, *found.findings), notes=True)
     if json:
-        plain = {name: getattr(found, name) for name in ("ok", "proven", "compared", "records", "documents")}
-        plain |= {name: [one.plain() for one in getattr(found, name)] for name in ("faults", "silent", "findings")}
+        plain = {
+            name: getattr(found, name)
+            for name in ("ok", "proven", "compared", "records", "documents", "faults", "silent", "findings")
+        }
         signed = None if found.signed is None else found.signed.statement()
         output.print_json(plain | {"head": str(found.head), "signed": signed})
         return 0 if found.unsuspected else 1
-    for one in (*found.faults, *found.silent, *found.findings):
-        output.print_line(f"{one} [{one.code}]")
     if found.ok:
         records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
         alone = "" if found.proven else " by what the ledger itself says"
@@ -130,12 +131,10 @@ def _certificate(where: str, number: str, json: bool) -> int:
         found = status(opened, number)
         problems = verify_certificate(opened, number)
     digest, end = digest_of(found.record), 1 if problems else 0
+    output.findings(problems)
     if json:
-        told = [one.plain() for one in problems]
-        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": told})
+        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": problems})
         return end
-    for one in problems:
-        output.print_line(f"{one} [{one.code}]")
     if not problems:
         output.print_line(f"certificate {number} ({found.state}): files, record and calibration agree")
     output.print_line(f"digest of its record {digest}; compare it with the one on paper")

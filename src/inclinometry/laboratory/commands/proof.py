@@ -63,6 +63,8 @@ def key(
     found = keys.public()
     if found is None:
         raise refused("key-none", {"folder": str(keys.folder)})
+    uncompared = keys.uncompared()
+    told = [uncompared] if uncompared else []
     if public is not None:
         from inclinometry.laboratory.certificate.signing import of_authority, public_bundle
 
@@ -71,16 +73,14 @@ def key(
             {"subject": one.subject.rfc4514_string(), "digest": one.fingerprint(SHA256()).hex()}
             for one in of_authority(keys)
         ]
-        output.findings([Finding("session-document-foreign", about) for about in abouts])
-    uncompared = keys.uncompared()
+        told += [Finding("session-document-foreign", about) for about in abouts]
+    output.findings(told)
     if json:
         about = {"folder": str(keys.folder), "public": found, "fingerprint": fingerprint(found)}
         compared = not uncompared if keys.there else None
         output.print_json(about | {"compared": compared, "changes": keys.changes(), "witnesses": others(keys.folder)})
         return
     output.print_line(f"key {fingerprint(found)} in {keys.folder}")
-    if uncompared:
-        output.findings([uncompared])
     for one in keys.changes():
         output.print_line(_change(one))
     if public is not None:
@@ -148,11 +148,11 @@ def _check(file: Path, since: Path | None, key: Path | None, json: bool) -> int:
     public = None if key is None else read_public(key).keys[0]
     old = found if since is None else read_head(since)[0]
     problem = check_extension(old, found, content, public)
+    output.findings([] if problem is None else [problem])
     if json:
-        plain = None if problem is None else problem.plain()
-        output.print_json({"ok": not problem, "problem": plain, "size": found.size, "ledger": found.ledger})
+        output.print_json({"ok": not problem, "problem": problem, "size": found.size, "ledger": found.ledger})
         return 1 if problem else 0
-    output.print_line(f"genuine: head {found}" if problem is None else f"{problem} [{problem.code}]")
+    output.print_line(f"{'not ' if problem else ''}genuine: head {found}")
     if not problem and since is not None:
         output.print_line(f"the ledger of {found.size} records begins with the {old.size} of {old.time[:19]}")
     if public is None:

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 PATIENCE: Final = 20
 """Seconds a writer waits for another one."""
 _WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
+# neither engine has a code for all of these: a server that cannot be reached has none, a missing table the general one
 _SAID: Final = {
     "disk is full": "ledger-disk-full",
     "No space left": "ledger-disk-full",
@@ -192,7 +193,7 @@ def translated(where: str) -> Iterator[None]:
     try:
         yield
     except IntegrityError as error:
-        if "append-only" in str(error.orig):
+        if getattr(error.orig, "sqlite_errorname", "") == "SQLITE_CONSTRAINT_TRIGGER":
             raise LedgerError(refusal(where, error.orig)) from None
         raise ConflictError(Finding("ledger-conflict", {"ledger": where})) from None
     except DBAPIError as error:

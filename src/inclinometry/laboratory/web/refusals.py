@@ -291,8 +291,8 @@ def of_request(error: Mapping[str, Any]) -> Finding:
 
     Examples
     --------
-    >>> str(of_request({"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}))
-    'body.count (-1) is not accepted: Input should be greater than 0. Correct it.'
+    >>> str(of_request({"loc": ("body", "count"), "type": "greater_than", "ctx": {"gt": 0}, "input": -1}))
+    'body.count is -1; allowed: > 0. Correct it.'
     """
     place = _utf8(".".join(str(part) for part in error.get("loc", ()))[:200]) or "body"
     message = _utf8(str(error.get("msg", ""))[:300])
@@ -303,7 +303,17 @@ def of_request(error: Mapping[str, Any]) -> Finding:
         return Finding("input-missing", {"names": (place,)})
     hidden = "password" in place or place.rpartition(".")[2] in ("code", "known", "secret")
     value = "***" if hidden else _utf8(_short(error.get("input")))
+    kind, _, fault = str(error.get("type", "")).partition("_")
+    for key, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
+        if key in (limits := error.get("ctx") or {}):
+            return Finding("input-value", {"name": place, "value": value, "allowed": f"{sign} {limits[key]}"})
+    if kind in KINDS and fault in ("type", "parsing"):
+        return Finding("input-kind", {"name": place, "value": value, "expected": KINDS[kind]})
     return Finding("input-field", {"name": place, "value": value, "reason": message})
+
+
+KINDS: Final = {"int": "whole number", "float": "number", "string": "text", "bool": "true or false"}
+"""Beginning of a type of pydantic's errors -> what it expects, as a word of the catalogue."""
 
 
 def _utf8(text: str) -> str:
