@@ -48,25 +48,8 @@ Turns: TypeAlias = Annotated[
         "wrong, azimuths are mirrored."
     ),
 ]
-Misalignment: TypeAlias = Annotated[
-    float | None,
-    options.quantity(
-        "deg",
-        0.0,
-        5.0,
-        help="Standard deviation of the gyros' axes, each toward each other. Default: 0.2; calibrated gyros: 0.",
-    ),
-]
-Sensitivity: TypeAlias = Annotated[
-    float | None,
-    options.quantity(
-        "deg_h_g",
-        0.0,
-        100.0,
-        help="Standard deviation of the gyros' g-sensitivity along each axis, deg/h per g. Default: 0.1; calibrated "
-        "g-sensitivity: 0.02.",
-    ),
-]
+Misalignment: TypeAlias = Annotated[float | None, options.quantity("deg", 0.0, 5.0)]
+Sensitivity: TypeAlias = Annotated[float | None, options.quantity("deg_h_g", 0.0, 100.0)]
 History: TypeAlias = Annotated[options.InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
 
 
@@ -126,6 +109,10 @@ def north(
         Noise of one accelerometer reading. Default: that of the calibration.
     z_bias_sd
         Standard uncertainty of the bias of a gyro along the tool.
+    gyro_misalignment
+        Standard deviation of each gyro axis toward each other axis. Default: 0.2; calibrated gyros: 0.
+    g_sensitivity
+        Standard deviation: output of a gyro for 1 g along each axis. Default: 0.1; calibrated g-sensitivity: 0.02.
     sweep
         Angle turned while one reading is averaged (carousel).
     errors
@@ -200,6 +187,10 @@ def scale(
         Use earlier stations only, as during the run. Without it the whole run is used.
     scale_sd
         Standard uncertainty of the scale factor at the first station.
+    gyro_misalignment
+        Standard deviation of each gyro axis toward each other axis. Default: 0.2; calibrated gyros: 0.
+    g_sensitivity
+        Standard deviation: output of a gyro for 1 g along each axis. Default: 0.1; calibrated g-sensitivity: 0.02.
     """
     output.check_outputs(
         {"--output": output_, "--report": report},

@@ -26,7 +26,7 @@ from inclinometry.gyro.closed_form import tilt, upward
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes
 from inclinometry.gyro.north import azimuth_only, to_high_side
 from inclinometry.gyro.point_mass import JUMP, OWN, STEPS, Rates
-from inclinometry.gyro.result import North
+from inclinometry.gyro.result import North, weights
 from inclinometry.gyro.run import Averages, ScalePrior, Stations, solve
 from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.sensors import Triad
@@ -126,17 +126,13 @@ class Linearised(NamedTuple):
     @classmethod
     def of(cls, rates: Rates, prior: AxisPrior, toolface: Array, azimuth: Array, k: Array) -> Linearised:
         """About azimuths and 1/scale (n,)."""
-        seen = np.isfinite(rates.high[:, 2])
-        cov = np.where(seen[:, None, None], rates.covariance, np.eye(3))
-        cov[~seen, :2, :2] = rates.covariance[~seen, :2, :2]
-        weight = np.linalg.inv(cov)
-        weight[~seen, 2, 2] = 0.0
         latitude = np.full(len(k), rates.latitude)
         earth = earth_in_tool(azimuth, rates.inclination, latitude)
         turn = k[:, None] * earth_slopes(azimuth, rates.inclination, latitude)[..., 0]
         effects = k[:, None, None] * prior.effects(earth, rates.inclination, toolface)
         if prior.along:
             effects[:, 2, -1] = 1.0  # a bias is not scaled
+        weight = weights(rates.covariance, np.isfinite(rates.high[:, 2]))
         return cls(k, earth, turn, effects, weight, np.nan_to_num(rates.high) - k[:, None] * earth)
 
     @property
@@ -160,8 +156,7 @@ class Linearised(NamedTuple):
     def each_alone(self, sd: Array) -> Array:
         """Derivatives (n, p) of k by the constants where its prior (n,) is each station's own."""
         full = self.information(np.concatenate([self.earth[:, :, None], self.effects], axis=2))[0]
-        with np.errstate(divide="ignore"):
-            return np.asarray(-full[:, 0, 1:] / np.maximum(full[:, :1, 0] + (1.0 / sd**2)[:, None], 1e-300))
+        return np.asarray(-full[:, 0, 1:] / np.maximum(full[:, :1, 0] + np.maximum(sd, 1e-12)[:, None] ** -2, 1e-300))
 
 
 def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mask, stated: ScalePrior) -> AxisEffect:
@@ -290,13 +285,9 @@ def of_azimuth(north: North, by_azimuth: Array) -> Array:
 
 
 def corrected_run(
-    stations: Stations,
-    averages: Averages,
-    prior: AxisPrior,
-    known: ScalePrior,
-    joint: North,
+    stations: Stations, bias: Array, prior: AxisPrior, known: ScalePrior, joint: North,
     expected: Callable[[Stations], ScalePrior],
-) -> tuple[Stations, ScalePrior, North, AxisEffect]:
+) -> tuple[Stations, ScalePrior, North, AxisEffect]:  # fmt: skip
     """Stations whose rates are corrected by the constants that the run shows, their solution, and what is left."""
     raw, before = stations, np.zeros(len(prior.wide))
     # a second round, and a third, only where the first moves an azimuth by a tenth of its uncertainty
@@ -304,7 +295,7 @@ def corrected_run(
         level = tilt(stations.gravity, stations.g)
         level = upward(level, level.unseen & (joint.inclination > np.pi / 2.0))
         cov = stations.rate_covariance.copy()
-        cov[:, 2, 2] -= averages.rate_bias**2  # the bias along the tool is one of the constants
+        cov[:, 2, 2] -= bias**2  # the bias along the tool is one of the constants
         high, cov = to_high_side(stations.rate / EARTH_RATE, cov / EARTH_RATE**2, level.toolface)
         rates = Rates(high, cov, level.inclination, stations.latitude)
         at = Linearised.of(rates, prior, level.toolface, joint.azimuth, 1.0 / joint.scale)

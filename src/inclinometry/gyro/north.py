@@ -23,7 +23,7 @@ from inclinometry.gyro.joint import (
     solve_joint,
 )
 from inclinometry.gyro.point_mass import Rates, ScaleLaw, solve_law
-from inclinometry.gyro.result import North, covariances, one_value, per_station, vectors
+from inclinometry.gyro.result import North, covariances, one_value, per_station, vectors, weights
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.uncertainty import UNKNOWN
 
@@ -262,10 +262,7 @@ def _responses(
 
     Derivatives of azimuth and k by rate (n, 2, 3), inclination and toolface (n, 2, 2), k0 (n, 2), latitude (n, 2).
     """
-    seen = np.isfinite(high[:, 2])
-    weight = np.zeros_like(covariance)
-    weight[~seen, :2, :2] = np.linalg.inv(covariance[~seen, :2, :2])
-    weight[seen] = np.linalg.inv(covariance[seen])
+    weight = weights(covariance, np.isfinite(high[:, 2]))
     rate = np.where(np.isfinite(high), high, 0.0)
     model = earth_in_tool(best.azimuth, found.inclination, latitude)
     slopes = earth_slopes(best.azimuth, found.inclination, latitude)

@@ -23,6 +23,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.gyro.joint import JointBatch, earth_in_tool, earth_slopes, solve_joint
+from inclinometry.gyro.result import weights
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.uncertainty import UNKNOWN
 
@@ -330,10 +331,7 @@ def solve_law(rates: Rates, law: ScaleLaw) -> Posterior:
     """
     out = np.array([_station(rates, n, *law.stations[n]) for n in range(len(rates.high))]).reshape(-1, 10).T
     psi, sd, k, sd_k, scale, scale_sd, rival, share, misfit, unlikely = out
-    seen = np.isfinite(rates.high[:, 2])
-    weight = np.zeros_like(rates.covariance)
-    weight[~seen, :2, :2] = np.linalg.inv(rates.covariance[~seen, :2, :2])
-    weight[seen] = np.linalg.inv(rates.covariance[seen])
+    weight = weights(rates.covariance, np.isfinite(rates.high[:, 2]))
     model = earth_in_tool(psi, rates.inclination, rates.latitude)
     slope = k[:, None] * earth_slopes(psi, rates.inclination, np.full(len(psi), rates.latitude))[..., 0]
     pp, pk, kk = (np.einsum("ni,nij,nj->n", a, weight, b) for a, b in ((slope, slope), (slope, model), (model, model)))

@@ -58,6 +58,15 @@ def vectors(value: ArrayLike, name: str, largest: float, size: int | None = None
     return out
 
 
+def weights(covariance: Array, seen: Mask) -> Array:
+    """Inverse (n, 3, 3) of each covariance; over x and y only, z zero, where z is not `seen`."""
+    full = np.where(seen[:, None, None], covariance, np.eye(3))
+    full[:, :2, :2] = covariance[:, :2, :2]
+    inverse = np.asarray(np.linalg.inv(full))
+    inverse[~seen, 2, 2] = 0.0
+    return inverse
+
+
 def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> Array:
     """Covariances (n, 3, 3), rows and columns of z NaN where z is not `seen`; one matrix serves all stations."""
     given, size = numbers(value, name), len(seen)

@@ -15,7 +15,7 @@ from inclinometry.findings import Finding, Value
 from inclinometry.gyro.closed_form import tilt
 from inclinometry.gyro.joint import LARGEST, SCALES, JointBatch, earth_in_tool, earth_slopes, solve_joint
 from inclinometry.gyro.north import to_high_side
-from inclinometry.gyro.result import covariances, per_station, vectors
+from inclinometry.gyro.result import covariances, per_station, vectors, weights
 from inclinometry.orientation import inclination_toolface
 from inclinometry.survey.flags import Check
 from inclinometry.uncertainty import chi_square_limit, coverage_factor
@@ -93,7 +93,7 @@ class Misfit:
         standard uncertainty of the scale, as if it were the same error at every station: a tool's scale factor is.
         """
         best = self.at(latitude)
-        weight = _inverse(self.covariance, np.isfinite(self.rate[:, 2]))
+        weight = weights(self.covariance, np.isfinite(self.rate[:, 2]))
         by_scale = earth_in_tool(best.azimuth, self.inclination, latitude)
         slopes = earth_slopes(best.azimuth, self.inclination, np.array(latitude)) * best.k[:, None, None]
         by_azimuth, by_latitude = slopes[..., 0], slopes[..., 2]
@@ -120,16 +120,6 @@ class Misfit:
         bias = np.cos(latitude) * float(np.median(np.minimum(1.0 / turn, 1.0)))
         shift = (pull * common).sum() / information
         return float(np.sqrt(1.0 / information + shift**2 + bias**2))
-
-
-def _inverse(covariance: Array, seen: Mask) -> Array:
-    """Inverse (n, 3, 3) of each covariance; over x and y only, z zero, where z is not `seen`."""
-    full = covariance.copy()
-    full[~seen, 2, :] = full[~seen, :, 2] = 0.0
-    full[~seen, 2, 2] = 1.0
-    inverse = np.asarray(np.linalg.inv(full))
-    inverse[~seen, 2, 2] = 0.0
-    return inverse
 
 
 class _Readings(NamedTuple):

@@ -199,7 +199,8 @@ class Corrected(NamedTuple):
 
     def variance(self, noise: Array) -> Array:
         """Variance (n,) of azimuth from the noise (n, 6, 6) of each station."""
-        return np.einsum("na,nab,nbc,ndc,nd->n", self.heading, self.inverse, noise, self.inverse, self.heading)
+        moved = np.einsum("na,nab->nb", self.heading, self.inverse)
+        return np.asarray(np.einsum("na,nab,nb->n", moved, noise, moved))
 
 
 def corrected_at(model: Model, x: Array) -> Corrected:

@@ -172,9 +172,8 @@ def north_run(
     effect = None
     if prior is not None:
         expected = partial(_expected, averages=averages, heat=heat, options=chosen)
-        stations, known, found["joint"], effect = corrected_run(
-            stations, averages, prior, known, found["joint"], expected
-        )
+        given = stations, averages.rate_bias, prior, known, found["joint"]
+        stations, known, found["joint"], effect = corrected_run(*given, expected)
     found |= {method: solve(method, stations, known) for method in METHODS[1:]}
     if effect is not None:
         found = {method: effect.counted(one) for method, one in found.items()}
