@@ -600,6 +600,12 @@ A180 = A180 + np.linspace(0, 60, n) | A0[h] += 30 | md = md + 1
 A0, A180, B0, B180 = A0 / 50, A180 / 50, B0 / 50, B180 / 50"""
 
 
+HIDDEN = """mine: dip = -dip | mine: A = A / .9 | mine: A[hole == 'DH005'] += 180 | mine: dip[hole == 'DH004'] += 50
+courses of 100 m: I[h] += 25"""
+"""Mistakes whose file is the right one of other holes: a mine that drills upwards (right_holes has it) or in another
+direction, one hole drilled the other way as scissor holes are, or flatter, a build of 7.5 deg/30 m in one course."""
+
+
 def spoilt(name: str, faults: str, line: str, table: Table, files: dict, off: Judge, **more: Any) -> Iterator[Case]:
     """A case a mistake."""
     n = len(next(iter(table.values())))
@@ -668,7 +674,8 @@ def judged(part: str, name: str) -> tuple[Counter, list[str]]:
     for case in RIGHT[name]() if part == "right" else wrong(name):
         become, off, codes = run(case)
         if part == "wrong" and become == "silent":
-            become = "SILENT-WRONG" if off > 1 else "harmless"
+            hidden = case.name in HIDDEN.replace("\n", " | ").split(" | ")
+            become = "harmless" if off <= 1 else "not showable" if hidden else "SILENT-WRONG"
         if case.asks and become == "warned":
             become = "rightly warned"
         counts.update(["files", become, *(["number wrong"] if off > 1 else [])])

@@ -82,7 +82,8 @@ def _root(tool: Tool, kind: str, field: Array, by_signal: Array, temperature: Ar
     here, spread = tool.slices[kind], by_signal * tool.noise[kind]
     moved = by_parameter(tool.triads[kind], field, by_signal, temperature)
     known = (tool.covariance + tool.stability)[here, here]
-    return np.linalg.cholesky(spread @ np.swapaxes(spread, 1, 2) + moved @ known @ np.swapaxes(moved, 1, 2))
+    covariance = spread @ np.swapaxes(spread, 1, 2) + moved @ known @ np.swapaxes(moved, 1, 2)
+    return np.asarray(np.linalg.cholesky(covariance))
 
 
 def _parity(tool: Tool, kind: str, signals: Array, temperature: Array | None) -> Array:

@@ -16,6 +16,7 @@ from inclinometry.findings import Finding
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import check_angles, check_place
+from inclinometry.survey.holes import check_holes
 from inclinometry.survey.path import directions
 from inclinometry.survey.plausibility import check_run, explained, misread_axis
 from inclinometry.survey.run import Run, smoothness
@@ -658,3 +659,13 @@ def test_a_small_change_of_a_sensor_midway_is_named_and_no_rows_are_exchanged(ch
     half = np.arange(len(one.b))[:, None] >= len(one.b) // 2
     found = check_run(Run.of_fields(one.md, one.g, np.where(half, change(one.b), one.b)))
     assert [(each.code, each.values["axis"]) for each in found] == [(code, axis)]
+
+
+def test_a_hole_that_goes_up_alone_is_named():
+    r, runs = np.random.default_rng(3), {}
+    for k, dip in enumerate(np.linspace(46.0, 86.0, 8)):
+        i = np.radians(90.0 - dip + r.normal(0.0, 0.3, 14))
+        runs[f"H{k}"] = Run(30.0 * np.arange(14), i, np.radians(90.0 + r.normal(0.0, 0.4, 14) / np.sin(i)))
+    assert [one.code for one in check_holes(runs)] == []
+    up = runs | {"H0": replace(runs["H0"], inclination=np.pi - runs["H0"].inclination)}
+    assert [(one.code, one.severity) for one in check_holes(up)] == [("holes-up", "warning")]

@@ -340,6 +340,7 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     notes = () if found.power is None else found.power.findings
     # positions can still be added
     little = [one._replace(severity="warning") for one in found.findings if one.code == "verify-detects-little"]
+    little += [one for one in found.findings if one.code == "verify-freedom"]
     return replace(found, findings=(*without_notes(found.findings), *little, *notes))
 
 

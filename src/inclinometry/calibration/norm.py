@@ -338,7 +338,8 @@ def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str, robust
             if far.any():
                 share = (residual[used] / (2.385 * sd)) ** 2
                 slope = np.mean((1.0 - share) / (1.0 + share) ** 2)
-                estimate, excess = guarded, np.sum((residual[used] / (1.0 + share)) ** 2) / freedom / slope**2
+                estimate = guarded
+                excess = float(np.sum((residual[used] / (1.0 + share)) ** 2) / freedom / slope**2)
     except ConvergenceError:
         raise IdentifiabilityError(no_ellipsoid(kind)) from None
     residual, jacobian = weighted(estimate)

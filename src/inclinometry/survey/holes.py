@@ -61,9 +61,13 @@ def check_holes(runs: Mapping[str, Run]) -> list[Finding]:
             rare = off >= least and chance * len(runs) <= 1e-2  # in one of so many holes
             if rare and (one.severity == "refused" or one.code != "run-repeated"):
                 found.append(Finding("holes-run", {"hole": name, "finding": one}))
-    if up := [name for name, run in runs.items() if np.median(run.inclination) > np.radians(91.0)]:
+    slopes = {name: float(np.degrees(np.median(run.inclination))) for name, run in runs.items()}
+    if up := [name for name, slope in slopes.items() if slope > 91.0]:
         values: dict[str, Value] = {"count": len(up), "total": len(runs), "names": some_names(up)}
-        found.append(Finding("holes-up", values, severity="note"))
+        rest = np.array([slope for name, slope in slopes.items() if name != up[0]])
+        alone = len(up) == 1 and len(rest) >= 5 and slopes[up[0]] - rest.max() > 40.0  # a fan has holes between
+        lost = alone and float(np.abs(rest - (180.0 - slopes[up[0]])).min()) < 15.0
+        found.append(Finding("holes-up", values, severity="warning" if lost else "note"))
     return found
 
 

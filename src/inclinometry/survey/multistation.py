@@ -199,7 +199,8 @@ class Corrected(NamedTuple):
 
     def variance(self, noise: Array) -> Array:
         """Variance (n,) of azimuth from the noise (n, 6, 6) of each station."""
-        return np.einsum("na,nab,nbc,ndc,nd->n", self.heading, self.inverse, noise, self.inverse, self.heading)
+        moved = np.einsum("na,nab->nb", self.heading, self.inverse)
+        return np.asarray(np.einsum("na,nab,nb->n", moved, noise, moved))
 
 
 def corrected_at(model: Model, x: Array) -> Corrected:
@@ -215,11 +216,11 @@ def known_rows(md: Array, known: Sequence[KnownAzimuth]) -> list[int]:
     rows = [int(np.argmin(np.abs(md - one.md))) for one in known]
     for place, (row, one) in enumerate(zip(rows, known, strict=True)):
         if not abs(md[row] - one.md) <= 0.5:  # m; within it a hole turns by less than such an azimuth is known to
-            raise out_of_range("known azimuth, md_m", one.md, f"{md[row] - 0.5:g} .. {md[row] + 0.5:g}")
+            raise out_of_range("known_azimuth.md", one.md, f"{md[row] - 0.5:g} .. {md[row] + 0.5:g}")
         if row in rows[:place]:
-            raise refused("input-repeated", {"name": "known azimuth, md_m", "value": one.md})
-        within(one.sigma, "known azimuth, sigma", 0.0, np.pi, "rad")
-        within(one.azimuth, "known azimuth", -TAU, TAU, "rad")
+            raise refused("input-repeated", {"name": "known_azimuth.md", "value": one.md})
+        within(one.sigma, "known_azimuth.sigma", 0.0, np.pi, "rad")
+        within(one.azimuth, "known_azimuth", -TAU, TAU, "rad")
     return rows
 
 

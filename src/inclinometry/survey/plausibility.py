@@ -219,8 +219,9 @@ def _constant(run: Run) -> list[Finding]:
 
     Neighbours are equal with the chance p = digit / (sqrt(4 pi) scatter), at most 0.8: no hole is straighter.
     """
-    if run.g is not None or np.median(np.diff(run.md)) > 60.0:  # plans are listed so, whose bends look like scatter
+    if run.g is not None:
         return []
+    long = np.median(np.diff(run.md)) > 60.0  # plans are listed so: only their bends look like scatter
     angles_ = {"inclination": np.degrees(run.inclination), "azimuth": np.degrees(wrap_positive(run.azimuth))}
     for (name, own), other in zip(angles_.items(), reversed(angles_.values()), strict=True):
         across = np.maximum(np.sin(run.inclination), 0.1)
@@ -231,7 +232,10 @@ def _constant(run: Run) -> list[Finding]:
         first = int(edges[np.diff(edges).argmax()])
         kept = rows[first : first + length]
         seen, digit = scatter(other[kept], run.md[kept]), last_digit(other[kept])
-        if not max(0.02, digit) < seen < (0.6 if name == "azimuth" else 2.0):
+        bends = np.diff(other[kept], 2)
+        if not max(0.02, digit) < seen < (0.6 if name == "azimuth" else 2.0) or (
+            long and (np.mean(np.abs(bends) > 2.0 * digit) < 0.8 or np.mean(bends[1:] * bends[:-1] < 0.0) < 0.5)
+        ):
             continue
         if name == "azimuth":
             seen /= across[kept].mean()

@@ -464,7 +464,7 @@ def _turn(run: Run, t: Array) -> list[Finding]:
         # a build of short radius begins upright or ends level, where a course holds all of it
         above, below = np.degrees(inclination)
         whole = below > above + 45.0 and (above < 10.0 or 80.0 < below < 100.0)
-        usual = 65.0 if whole else 10.0 if builds else 7.0
+        usual = 0.0 if _into_grads(run, t, k) else 65.0 if whole else 10.0 if builds else 7.0
         if beyond < max(np.radians(4.0), np.radians(usual) / 30.0 * course[k], 12.0 * noise):
             continue
         if min(angle_between(t[a], t[b]) for a, b in ((k - 1, k + 1), (k, k + 2))) > 0.5 * dogleg[k]:
@@ -487,6 +487,15 @@ def _turn(run: Run, t: Array) -> list[Finding]:
     usual = float(np.degrees(max(float(np.median(dogleg)), FINEST)))
     values: dict[str, Value] = {"turn_deg": float(np.degrees(size)), "usual_deg": usual}
     return [Finding("run-turn", values | {"md_m": float(md[k]), "next_m": float(md[k + 1])}, (k, k + 1))]
+
+
+def _into_grads(run: Run, t: Array, k: int) -> bool:
+    """Whether the hole goes on straight over course k if one side of it is in grads."""
+    near = slice(max(k - 1, 0), k + 3)
+    sides = (np.arange(len(t)) > k, np.arange(len(t)) <= k)
+    other = directions(*PARTS["grads"](run.inclination, run.azimuth))
+    left = [float(np.nanmax(smoothness(run.md[near], np.where(s[:, None], other, t)[near]).residual)) for s in sides]
+    return min(left) < 0.12 * float(np.nanmax(smoothness(run.md[near], t[near]).residual))
 
 
 def _outermost(md: Array, t: Array) -> list[Finding]:

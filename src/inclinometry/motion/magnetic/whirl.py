@@ -9,7 +9,15 @@ from inclinometry.motion.magnetic.phase import Complex
 
 
 def whirl_acceleration(lateral: Complex, angle: Array) -> float:
-    """Lateral acceleration (m,) that circles one way and not the other, m/s^2 rms; in axes that stand in the hole.
+    """What circles (`one_handed`) both in the hole and as the turning tool sees it, m/s^2 rms.
+
+    Shaking to and fro along an axis of the tool has two hands there, but one in the hole at each order next to it.
+    """
+    return min(one_handed(lateral, angle), one_handed(lateral * np.exp(1j * angle), angle))
+
+
+def one_handed(lateral: Complex, angle: Array) -> float:
+    """Lateral acceleration (m,) that circles one way and not the other, m/s^2 rms.
 
     Vibration to and fro has the same power at both hands of the rotary spectrum (Gonella J., Deep-Sea Research 19,
     1972), an axis that circles at one. A whirl keeps a ratio to the rotation (Vandiver J.K., Nicholson J.W., Shyu R.J.,

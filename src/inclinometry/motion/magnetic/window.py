@@ -457,12 +457,11 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     extra, far = departure(window.gravity, window.field, window.covariance, settings.site)
     if far:
         return _refused(("disturbed", "axes"), method, far)
-    excess = _whirl_excess(window, settings)
+    excess = _gravity_excess(window, settings)
     window = replace(
         window,
         covariance=inflated(window.covariance, extra, excess),
         common=inflated(window.common, extra, excess),
-        whirl=max(window.whirl, excess),
     )
     seen = window
     if not extra:
@@ -486,6 +485,7 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     if _tilt(covariance, matrix) > 6.0 * SHAKEN:
         return _refused(("vibration",), method)
     flags, worst = _quality_flags(seen, settings, covariance, matrix)
+    flags += ("misfit",) if excess and "misfit" not in flags else ()
     return Verdict(
         quaternion_from_dcm(matrix), covariance, common, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method
     )
@@ -497,11 +497,11 @@ def _refused(names: tuple[str, ...], method: str, far: Fault | None = None) -> V
     return Verdict(np.full(4, np.nan), nothing, nothing, names, 0.0, method, far)
 
 
-def _whirl_excess(window: WindowFit, settings: MagneticSettings) -> float:
+def _gravity_excess(window: WindowFit, settings: MagneticSettings) -> float:
     """m/s^2 by which the mean gravity of a tool that turns differs from the site's, where nothing else explains it.
 
-    An axis that leans as it whirls turns lateral acceleration into a constant; so far as that lies along gravity it is
-    seen in the strength.
+    An axis that leans as it whirls turns lateral acceleration into a constant, seen as far as it lies along gravity; an
+    offset or a scale error looks the same: the row is flagged as a misfit.
     """
     site = settings.site
     if site is None or site.gravity is None or abs(window.rate) * settings.window_s < 4.0 * np.pi:
