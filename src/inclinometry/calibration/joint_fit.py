@@ -241,7 +241,7 @@ def off_stand_findings(begun: Start, fitted: Fitted) -> tuple[list[Finding], dic
         values: dict[str, Value] = {"kind": VECTORS[place], "found_percent": 100.0 * float(found.scatter[place])}
         values |= {"stated_percent": 100.0 * float(apart.scatter[place])}
         said, far = [Finding("bench-off-scatter", values)], far[:0]
-    said += [Finding("bench-off-far", {"station": off.station[row]}) for row in far]
+    said += [Finding("bench-off-far", {"station": off.station[row]}) for row in far.tolist()]
     gravity, field = apart.scatter.tolist()
     shown: dict[str, Value] = {"count": len(off), "gravity_percent": 100.0 * gravity, "field_percent": 100.0 * field}
     said.append(Finding("bench-off-stand", shown, severity="note"))

@@ -339,19 +339,19 @@ def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str, robust
                 share = (residual[used] / (2.385 * sd)) ** 2
                 slope = np.mean((1.0 - share) / (1.0 + share) ** 2)
                 estimate = guarded
-                excess = float(np.sum((residual[used] / (1.0 + share)) ** 2) / freedom / slope**2)
+                excess = np.sum((residual[used] / (1.0 + share)) ** 2) / freedom / slope**2
     except ConvergenceError:
         raise IdentifiabilityError(no_ellipsoid(kind)) from None
     residual, jacobian = weighted(estimate)
     information = jacobian.T @ jacobian
     if np.any(estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
         raise IdentifiabilityError(no_ellipsoid(kind))
-    variance = excess if far.any() else residual @ residual / max(len(y) - 9, 1)
+    variance = float(excess if far.any() else residual @ residual / max(len(y) - 9, 1))
     # back to the signals' own unit
     unitless = np.concatenate([np.full(6, size), np.full(3, 1.0 / size)])
     theta = estimate / unitless
     theta[6:] += centre
-    return theta, np.linalg.inv(information * np.outer(unitless, unitless)) * variance, far
+    return theta, np.asarray(np.linalg.inv(information * np.outer(unitless, unitless)) * variance), far
 
 
 def _upper(theta: Array) -> Array:

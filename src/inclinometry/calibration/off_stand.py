@@ -110,9 +110,9 @@ class OffLinear(NamedTuple):
         inner, r = rows @ carried, self.off.ravel() + rows @ estimate
         weight = np.full(count, 1.0)
         place = np.arange(count)
-        whole = np.zeros((count, size, count, size))
-        whole[place, :, place] = spread
-        whole = whole.reshape(count * size, -1)
+        apart = np.zeros((count, size, count, size))
+        apart[place, :, place] = spread
+        whole = apart.reshape(count * size, -1)
         for _ in range(8):
             own = whole / np.repeat(weight, size)
             marginal = np.linalg.inv(inner + own)

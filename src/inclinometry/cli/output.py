@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
-from itertools import zip_longest
 from pathlib import Path
 from textwrap import fill
 from time import perf_counter
@@ -71,8 +70,9 @@ def wrapped(text: str, stream: TextIO) -> str:
     """Prose as wide as a terminal is; for files and pipes a line stays whole."""
     if not stream.isatty():
         return text
-    wide, more = shutil.get_terminal_size().columns, {"break_long_words": False, "break_on_hyphens": False}
-    return "\n".join(fill(line, wide, **more) for line in text.split("\n"))
+    wide = shutil.get_terminal_size().columns
+    lines = (fill(line, wide, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
+    return "\n".join(lines)
 
 
 def counted(number: int, what: str) -> str:
@@ -226,7 +226,8 @@ def findings(found: Sequence[Finding], files: Sequence[str] = (), *, notes: bool
     # standard error, which never mixes with data; of now, as tests and callers redirect it
     errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     verbose = logging.getLogger("inclinometry").isEnabledFor(logging.INFO)
-    named_by = zip_longest(found, (f"{file}: " for file in files), fillvalue="")
+    of = [f"{file}: " for file in files] + [""] * (len(found) - len(files))
+    named_by = zip(found, of, strict=True)
     shown = [pair for pair in named_by if notes or verbose or pair[0].severity != "note"]
     shown.sort(key=lambda pair: ("ignored", "note").count(pair[0].severity))
     most = len(shown) if verbose else MOST

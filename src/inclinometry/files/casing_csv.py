@@ -125,11 +125,11 @@ def read_casing(path: str | Path, unit: str | None = None, sensors: Sequence[flo
         raise table.error(same(tuple(depths)) if depths else table.lacking("depth_m"))
     several = dict.fromkeys(rows) if len(table) >= _DEPTHS * len(set(rows)) else {}
     parts = [(table.rows(np.array(rows) == date), date) for date in several if len(several) > 1]
-    found = [_reading(part, columns, depths, unit, called) for part, called in parts or [(table, Path(path).name)]]
+    read = [_reading(part, columns, depths, unit, called) for part, called in parts or [(table, Path(path).name)]]
     if not sensors:
-        return found
+        return read
     # a sensor that stays keeps its bias
-    return [one._replace(findings=tuple(f for f in one.findings if f.code != "holes-unknown")) for one in found]
+    return [one._replace(findings=tuple(f for f in one.findings if f.code != "holes-unknown")) for one in read]
 
 
 def _stacked(

@@ -103,8 +103,8 @@ def add(
                     added = []
     finally:
         raw.record(store, added)
-    told, files = _files(problems)
-    output.findings([*told, *gaps], files)
+    told, where = _files(problems)
+    output.findings([*told, *gaps], where)
     new = len(paths) - there - len(problems)
     if json:
         output.print_json({"added": new, "there_already": there, "refused": _plain(problems)})

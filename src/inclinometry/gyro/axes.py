@@ -217,15 +217,16 @@ def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mas
             np.einsum("ii->i", matrix)[shared:] += 1.0
             inverse, target = np.linalg.inv(matrix), scale * toward
             chance_of = belief + 0.5 * target @ inverse @ target - 0.5 * np.linalg.slogdet(matrix)[1]
-            found, covariance = scale * (inverse @ target), scale[:, None] * inverse * scale
+            found = scale * (inverse @ target)
+            its_covariance = scale[:, None] * inverse * scale
             follows = -np.linalg.solve(full[:shared, :shared], full[:shared, shared:])
             by_k = (moved - by[:, :shared]) @ follows - by[:, shared:]
-            members.append((chance_of, found[shared:], covariance[shared:, shared:], by_k))
+            members.append((chance_of, found[shared:], its_covariance[shared:, shared:], by_k))
     wide, narrow = _mixed(wides), _mixed(narrows)
     share = 1.0 / (1.0 + np.exp(np.clip(narrow[0] - wide[0], -700.0, 700.0)))
     apart = (1.0 - share) * (wide[1] - narrow[1])
-    alone = stated.before_sd if stated.track is None else None
-    return AxisEffect(at, wide[1] - apart, wide[2] + np.outer(apart, apart), wide[3], alone)
+    before = stated.before_sd if stated.track is None else None
+    return AxisEffect(at, wide[1] - apart, wide[2] + np.outer(apart, apart), wide[3], before)
 
 
 def _mixed(members: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:

@@ -126,7 +126,7 @@ class CheckedStream:
         return replace(row, flags=row.flags | np.uint32(health.flags | refused))
 
 
-def taken(rows: Attitude, chosen: Index | Mask) -> Attitude:
+def taken(rows: Attitude, chosen: Index | Mask | slice) -> Attitude:
     """Some of the rows."""
     columns = {
         one.name: getattr(rows, one.name)[chosen] for one in fields(rows) if one.name not in ("north", "findings")

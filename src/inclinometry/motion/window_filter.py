@@ -163,7 +163,9 @@ def bridged(window: Samples) -> Samples:
     most_lost = 0.3  # of a window, beyond which too little is left to predict from
     if not lost.any() or lost.mean() > most_lost:
         return window
-    found = {name: np.stack([_predicted(column, lost) for column in v.T], axis=1) for name, v in triads.items()}
+    found: dict[str, Any] = {
+        name: np.stack([_predicted(column, lost) for column in values.T], axis=1) for name, values in triads.items()
+    }
     return replace(window, clipped=window.clipped & ~lost, **found)
 
 

@@ -420,7 +420,7 @@ def _same_way(base: CasingReading, now: CasingReading, found: list[Finding]) -> 
             said.append(_correlation(name, opposite, match)._replace(severity=refused_if(match < -0.9)))
     for what, turn in _TURNS if len(then) == 2 else ():
         match = float(np.corrcoef((turn @ then).ravel(), later.ravel())[0, 1])
-        left = float(np.linalg.norm(later - turn @ then) / max(np.linalg.norm(later - then), ROUNDING))
+        left = float(np.linalg.norm(later - turn @ then)) / max(float(np.linalg.norm(later - then)), ROUNDING)
         if match > 0.9 and left < 0.2:  # movement is not the other axis
             turned = _correlation({"reading": now.name, "axis": ("A", "B")}, what, match)
             said = [turned._replace(severity=refused_if(left < 0.1))]

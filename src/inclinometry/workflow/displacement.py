@@ -90,6 +90,6 @@ def casing_movement(
         "--rotation-deg": errors.rotation,
     }
     said.append(Finding("holes-fixed-end", {"end": fixed, "step_m": first.reading.step}, severity="note"))
-    if lacking := tuple(option for option, value in stated.items() if not value):
-        said.append(Finding("holes-errors-unstated", {"options": lacking}, severity="note"))
+    if unstated := tuple(option for option, value in stated.items() if not value):
+        said.append(Finding("holes-errors-unstated", {"options": unstated}, severity="note"))
     return Movement(first, sums, found, tuple(said), {n: d for d, n in seen.items()})

@@ -314,7 +314,7 @@ def _compared(visitor: Visitor, record: Record) -> list[str]:
     for attempt in found.attempts:
         expected = found.uncertainty.get(attempt.method)
         method = visitor.say(f"method.{attempt.method}") if attempt.method in METHODS else attempt.method
-        if attempt.calibration is None:
+        if attempt.reason is not None:
             lines.append(f"{method}: {visitor.sentence(attempt.reason)}")
         elif expected is not None:
             worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ALL_ANGLES.index("azimuth")]))
