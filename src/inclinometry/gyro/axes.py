@@ -225,8 +225,8 @@ def estimate_axes(at: Linearised, prior: AxisPrior, before: Array, teaching: Mas
     wide, narrow = _mixed(wides), _mixed(narrows)
     share = 1.0 / (1.0 + np.exp(np.clip(narrow[0] - wide[0], -700.0, 700.0)))
     apart = (1.0 - share) * (wide[1] - narrow[1])
-    before = stated.before_sd if stated.track is None else None
-    return AxisEffect(at, wide[1] - apart, wide[2] + np.outer(apart, apart), wide[3], before)
+    covariance = wide[2] + np.outer(apart, apart)
+    return AxisEffect(at, wide[1] - apart, covariance, wide[3], None if stated.track is not None else stated.before_sd)
 
 
 def _mixed(members: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
