@@ -113,8 +113,12 @@ def test_a_stated_unit_is_not_called_raw_counts(run):
     for names in ("Ax (m/s2),Ay (m/s2),Az (m/s2)", "accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"):
         Path("imu.csv").write_text("\n".join([names, *rows]) + "\n")
         assert "counts or volts" not in run("check", "imu.csv").err
+    Path("imu.csv").write_text("\n".join(["accel_x,accel_y,accel_z", *rows]) + "\n")
+    assert "as in counts or volts" in run("check", "imu.csv").err
+    # without a name that is known the unit alone is missed
     Path("imu.csv").write_text("\n".join(["Ax,Ay,Az", *rows]) + "\n")
-    assert "counts or volts" in run("check", "imu.csv").err
+    done = run("check", "imu.csv")
+    assert ("Unit missing: Ax." in done.out, done.err) == (True, "")
 
 
 def told(run, name):

@@ -341,7 +341,7 @@ class TestDatasheet:
         for sheet in ("datasheet.toml", "true.json"):
             given = ("--method", "classical", "--data-sheet", sheet)
             assert run("calibrate readings.csv -o tool.json", *given).status == 0
-        assert "classical: not applicable. classical needs data_sheet" in run("compare", "readings.csv").out
+        assert "note: classical: classical needs data_sheet" in run("compare -v readings.csv").err
         done = run("compare readings.csv --data-sheet datasheet.toml --truth true.json --json").json
         found = {m["method"]: m for m in done["methods"]}["classical"]
         assert found["applicable"]

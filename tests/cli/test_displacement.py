@@ -89,7 +89,8 @@ def test_an_in_place_string_of_a_campbell_logger(run):
     assert not any([*axes["b"]["displacement_mm"], *before["displacement_mm"]])
     run("displacement ipi.dat --sensor-depths-m 0 2 4 6 8").refused("file-column")
     assert "10 of 13" in run("displacement ipi.dat --sensor-depths-m 0 2 4 6 8 10 --step-sd-mm 0.05").ok().out
-    assert "TIMESTAMP" in run("check ipi.dat").out
+    times = [one for one in run("check ipi.dat --json").json["findings"] if one["code"] == "check-time"]
+    assert [one["values"] for one in times] == [{"columns": ["TIMESTAMP"]}]
 
 
 def test_names_units_and_layouts_of_others(run, two):

@@ -237,7 +237,9 @@ def test_raw_channels_of_other_stations_are_refused(certified):
     # another run above: allowed, and said
     Path("lower.csv").write_text("\n".join([lines[0], *lines[3:]]))
     done = certified("survey.csv", "--raw", "lower.csv").ok()
-    assert "Without raw channels: 2 stations, 0 m to 30 m" in done.err
+    (said,) = [one for one in done.json["findings"] if one["code"] == "work-outside-raw"]
+    assert (said["severity"], said["values"]) == ("warning", {"count": 2, "first_m": 0.0, "last_m": 30.0})
+    assert "[work-outside-raw]" in done.err
 
 
 def test_a_site_that_does_not_say_what_the_tool_saw(certified):

@@ -130,7 +130,7 @@ def calibrate_classical(
 def _conversion_factor(kind: str, readings: BenchReadings, data_sheet: Tool | None) -> Array:
     """k of the data sheet (m,), signal for the field at the stand."""
     if data_sheet is None:
-        raise refused("input-needs", {"name": "classical", "needed": ("--data-sheet",)})
+        raise refused("input-needs", {"name": "classical", "needed": ("data_sheet",)})
     triad = data_sheet.triads.get(kind)
     if triad is None:
         raise refused("input-missing", {"names": (f"data_sheet.{kind}",)})

@@ -75,5 +75,5 @@ def show_coefficients(content: dict[str, Any]) -> None:
         head = ["sensor", "W x", "W y", "W z", f"U0 {unit}"]
         output.table(f"{kind} at {triad['temperature_degC']:g} degC: a = W (U - U0), columns of W", head, rows)
         head = ["sensor", f"K {unit} per {field}", f"bias {field}", *(f"cos {axis}" for axis in "xyz")]
-        title = f"{kind}: conversion factor, bias (U0 = K bias), cosines, installation angle and phase"
+        title = f"{kind}: factor K, bias U0/K, cosines, installation angle and phase"
         output.table(title, [*head, "axis", "I deg", "phase deg"], views)

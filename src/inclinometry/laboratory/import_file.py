@@ -87,7 +87,7 @@ def import_file(
         return record_calibration(ledger, found, serial, rig, settings, author=author)
     azimuth, inclination, toolface = found.dials
     if found.off_stand is not None:  # a session has positions of dials alone
-        raise in_file(refused("input-not-with", {"name": "part", "other": "--ledger"}), SHOWN)
+        raise in_file(refused("input-not-with", {"name": "part", "other": "ledger"}), SHOWN)
     said |= file_statements(found)
     plan = Plan("imported", azimuth, inclination, toolface, found.roll_set)
     captures = [_capture(found, row) for row in range(len(plan))]

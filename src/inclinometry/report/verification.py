@@ -163,7 +163,7 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         states=[
             (not passed, "bad", word),
-            (warned, "warn", label("{word}, with reservations", word=word)),
+            (warned or verification.reservations, "warn", label("{word}, with reservations", word=word)),
             (True, "good", word),
         ],
         notes=said(only_notes(verification.findings)),

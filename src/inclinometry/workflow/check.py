@@ -127,10 +127,10 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
             gone = [name for name in written if name not in table.names]
             if gone and "time_s" in table:
                 notes.insert(0, Finding("check-time", {"columns": tuple(gone)}, severity="note"))
-            # of a text the whole file, else the rows that were copied
-            if record is None and not uses[_RAW] and uses[_SIX_AXES]:
-                notes.append(Finding("check-raw", severity="note"))
+            raw = record is None and not uses[_RAW] and uses[_SIX_AXES]
             findings = _findings(head, uses, record, site)
+            findings += [Finding("check-raw", severity="note")] if raw else []
+            # of a text the whole file, else the rows that were copied
             seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
     if rows <= LOOKED_AT:  # what these two ask of the whole log
         for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):

@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from inclinometry.calibration.conformity import RESERVING
 from inclinometry.errors import InputError
 from inclinometry.files.verification_json import as_now
 from inclinometry.findings import Finding
@@ -158,7 +159,7 @@ def _box(record: Content, remarks: Sequence[str], say: Words) -> Content:
     statement = found["verdict"] if compared else record["conformity"]["statement"]
     warned = []
     if statement != "not assessed":
-        judged = [one for one in found["report"]["findings"] if one["severity"] != "note"]
+        judged = [one for one in found["report"]["findings"] if one["severity"] != "note" or one["code"] in RESERVING]
         warned = list(dict.fromkeys([*tables.sentences({"findings": judged}), *remarks]))
     colours = {"pass": "#1a7f37", "reserved": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     colours |= {"agrees": "#5d6975", "does not agree": "#c1272d"}

@@ -260,7 +260,7 @@ class Signatures:
         for place, size in self._elsewhere.items():
             self._note("ledger-copy", place=place, record=size)
         faults += self._of_keys(said)
-        return faults, [*self._signed(), *self._notes]
+        return faults, [*self._notes, *self._signed()]
 
     def _note(self, code: str, **values: Value) -> None:
         self._notes.append(Finding(code, values, severity="note"))
