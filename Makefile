@@ -34,12 +34,12 @@ bench-demo: $(STAMP)
 # what a change is held against while it is made: minutes; COVERAGE=1 holds that of the mathematics, a fifth slower
 MATHEMATICS := earth sensors calibration gyro survey simulate arrays rotations orientation wahba channels conventions allan uncertainty least_squares
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 -m "not long" $(if $(COVERAGE),$(MATHEMATICS:%=--cov=inclinometry.%) --cov-report=)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long" $(if $(COVERAGE),$(MATHEMATICS:%=--cov=inclinometry.%) --cov-report=)
 	$(if $(COVERAGE),$(BIN)/python -m coverage report --fail-under=95)
 
 # the long statistics, whole runs and the browser
 test-long: $(STAMP)
-	$(BIN)/python -m pytest -n 2 -m long
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m long
 
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,bench]"

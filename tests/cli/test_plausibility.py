@@ -69,6 +69,7 @@ def test_survey_quality_and_msa(run):
     done = run("survey run.csv --site site.toml --ignore axes -o s.csv").ok()
     assert "[run-axis-along]" in done.err
     with Path("s.csv").open() as stream:
+        assert next(stream).startswith("# ")  # what was ignored
         assert all("overruled" in row["flags"] for row in csv.DictReader(stream))
     assert run("msa run.csv -o c.json --site site.toml --ignore axes").status == 0
     kept = {one["code"]: one["severity"] for one in json.loads(Path("c.json").read_text())["findings"]}

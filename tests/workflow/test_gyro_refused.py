@@ -61,7 +61,7 @@ def test_the_wrong_hemisphere_is_refused(simulated, axes):
     data, _ = simulated(latitude=-np.pi / 4, axes=axes)
     with pytest.raises(FileError) as caught:
         north_run(data, HERE)
-    assert caught.value.finding.values["mistake"][0] == "latitude of the wrong sign"
+    assert caught.value.finding.values["mistake"][0] == "the latitude"
     assert len(north_run(data, Site(latitude=-np.pi / 4))) == 20
 
 

@@ -77,7 +77,7 @@ def test_a_spike_is_where_it_was_asked_for():
     off = hit.gyro - clean.gyro
     assert np.argwhere(off).tolist() == [[2 * 4 + 1, 0]]
     assert off.max() == pytest.approx(5.0 * DEG_H, rel=1e-9)
-    with refused("input-value", name="spike", value="4, 0, 0"):
+    with refused("input-value", name="spike.station", value=4):
         gyro_run(1, stations=4, spike=(4, 0, 1.0))
 
 

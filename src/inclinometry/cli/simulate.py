@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.arrays import within
+from inclinometry.arrays import finite, within
 from inclinometry.cli import options, output
 from inclinometry.constants import DEG_PER_HOUR, DIP
 from inclinometry.errors import out_of_range, refused
@@ -372,6 +372,7 @@ def _outlier(text: str, stations: int, positions: int) -> tuple[int, int, float]
         raise out_of_range("--outlier", text, "STATION:POSITION:DEG_H") from None
     for name, value, most in zip(("STATION", "POSITION"), found, (stations, positions), strict=False):
         within(value, f"--outlier {text}: {name}", 1, most)
+    finite(found[2], f"--outlier {text}: DEG_H")
     return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR
 
 

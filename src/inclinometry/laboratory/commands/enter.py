@@ -110,7 +110,7 @@ def enter(
         where = known_site if site is None or known_site is not None else _site_file(site)
         wishes = replace(wishes, rig_sd=None, azimuth_sd=None, inclination_sd=None, toolface_sd=None)
         try:
-            with output.busy("calibrating"):
+            with output.reading(file), output.busy("calibrating"):
                 tried = try_file(readings, about_rig, where, wishes)
             if (certify or supersedes) and not stated(accept_warnings) and (unsettled := open_warnings(tried, None)):
                 raise refused("certificate-open-warnings", {"finding": tuple(unsettled)})
