@@ -244,6 +244,7 @@ def test_verify_says_its_reservation_in_words_and_in_json(run):
     assert "PASS, WITH RESERVATIONS against" in done.out
     assert "PASS against" not in done.out
     assert "40 deg (azimuth)" in done.err
+    assert "[verify-detects-little]" in done.err
     assert "verify-wide" in Path("verify.json").read_text()
     done = run("verify v.csv --calibration tool.json --limits wide.toml --json")
     assert "verify-detects-little" in [one["code"] for one in done.json["reservations"]]

@@ -617,7 +617,9 @@ def verify(
             from inclinometry.files.verification_json import write_verification
 
             write_verification(output_, found, bounds, tool)
-    output.findings(found.findings)
+    # why a pass is reserved is said, be it a note
+    why = found.reservations if found.accepted else ()
+    output.findings([*why, *(one for one in found.findings if one not in why)], notes=bool(why))
     if json:
         output.print_json(_verification(found))
     else:
