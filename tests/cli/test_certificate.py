@@ -180,11 +180,13 @@ def test_what_is_lacking_is_named(files: Any) -> None:
     for language in ("en", "ru", "zh"):
         paper = [missing_said(key, record, words(language)) for key in record["missing"]]
         assert not re.search(r"[\[(（_]|toml", " ".join(paper))
-    Path("lab.toml").write_text("name = 'x'", encoding="utf-8")
-    done = files("certificate tool.json -o c.pdf --laboratory lab.toml")
-    assert "procedure in lab.toml" in done.err
-    assert "authoriser in lab.toml" in done.err
-    assert done.status == 0
+    text = Path(__file__).parents[2].joinpath("docs/howto/certificate.md").read_text(encoding="utf-8")
+    whole = text.split("```toml\n# lab.toml")[1].split("```")[0]
+    Path("lab.toml").write_text(re.sub("(?m)^(procedure|authoriser) .*", "", whole), encoding="utf-8")
+    done = files("certificate tool.json -o c.pdf", *GIVEN).ok()
+    assert "Missing, 2 in all: " in done.err
+    assert "(procedure in lab.toml)" in done.err
+    assert "(authoriser in lab.toml)" in done.err
 
 
 def test_results_as_found_are_those_of_the_calibration_before(files: Any) -> None:
