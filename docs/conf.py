@@ -88,7 +88,7 @@ OUTSIDE = (
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.laboratory.registry.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.position.propagation._Part", "MethodName", "Read", "np.int64", "intp", "np.intp", "hashlib._Hash",
-    "Certificate", "Ed25519PrivateKey", "io.BufferedReader",
+    "Certificate", "Ed25519PrivateKey", "io.BufferedReader", "inclinometry.workflow.well_runs.Run",
     "Progress", "Numbered", "types.Callable", "dataclasses.Field",
     "inclinometry.files.frame.Frame", "inclinometry.files._quantities.Quantity",
     "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",

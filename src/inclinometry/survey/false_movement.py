@@ -22,7 +22,7 @@ _EVENT, _EVENT_FIXED, _EVENTS = 6.0, 12.0, 12
 _FIXED: Final = 5
 _WALKS: Final = ((0, 0.0), *((1, 10.0**k) for k in range(-3, 3)), *((2, 10.0**k) for k in range(-6, 2)))
 """How often noise is summed to make a movement, and its variance over that of a step's noise."""
-_PART: Final = 8.0
+_PART: Final = 13.0
 """Log-likelihood that a sensitivity has to gain in addition: any part may have it, and walls bend as casings do."""
 _DRIFT: Final = 5e-4
 """Usual change of a check-sum, as a sine, of a bias that drifts alike in both runs between readings: no error."""
