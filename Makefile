@@ -65,7 +65,7 @@ lint: $(STAMP)
 MANUAL := src/inclinometry/manual
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,docs]"
-	$(BIN)/python -m sphinx -W --keep-going -n -b html docs docs/_build/html
+	$(BIN)/python -m sphinx -W --keep-going -n -j 2 -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 	rm -rf $(MANUAL)
 	cp -r docs/_build/html $(MANUAL)
